@@ -13,9 +13,9 @@ import typer
 
 from wall.cli_measure import measure
 from wall.cli_plan import plan
-from wall.cli_render import UpOption, ViewOption, render
+from wall.cli_render import UpOption, ViewOption, render, replay
 from wall.commands.terminal import console, errors, fail, load_config, parse_size, readably, say_version, write_text
-from wall.core.errors import ConfigError, EditError
+from wall.core.errors import EditError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -29,6 +29,7 @@ app = typer.Typer(
 app.add_typer(measure, name="measure")
 app.command()(plan)
 app.command()(render)
+app.command()(replay)
 
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
@@ -149,38 +150,6 @@ def load(
     with connect(out) as run:
         edit = run.load(config)
     console.print(f"{config}: adopted after {monotonic() - began:.1f} s, by edit {edit}")
-
-
-@app.command()
-def replay(
-    folder: Annotated[Path, typer.Argument(help="What wall run --record wrote", show_default=False)],
-    rank: Annotated[list[int] | None, typer.Option(help="Only this rank; may be given several times")] = None,
-    batch: Annotated[int | None, typer.Option(min=0, help="Show this batch of one --rank")] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="FILE.npy for samples of --batch")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if left out")] = None,
-) -> None:
-    """Trace a recorded run again: the same samples, bit for bit, or an error that names the first batch that differs.
-
-    [bold]wall run configs/demo.yaml --seconds 10 --record run.events[/]
-
-    [bold]wall replay run.events[/], [bold]wall replay run.events --rank 2 --batch 117[/]
-    """
-    from wall.commands.progress import StartProgress
-    from wall.commands.replay import replay as replay_run
-    from wall.commands.replay import replay_one
-
-    ranks = tuple(rank or ())
-    if batch is not None and len(ranks) != 1:
-        raise ConfigError("--batch: wanted exactly one --rank with it")
-    if output is not None and batch is None:
-        raise ConfigError("-o: wanted --batch with it")
-    with StartProgress(open_page=False) as progress:
-        if batch is None:
-            found = list(replay_run(folder, ranks=ranks, jobs=jobs, say=progress.say))
-        else:
-            found = list(replay_one(folder, ranks[0], batch, output, progress.say))
-    for item in found:
-        console.print(item, soft_wrap=isinstance(item, str))
 
 
 @app.command()

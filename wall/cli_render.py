@@ -1,13 +1,21 @@
-"""`wall render`: one converged image, its layers, or the frames of a film."""
+"""`wall render` and `wall replay`: converged images, their layers, films; recorded runs traced again."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from wall.commands.terminal import console, load_config, parse_size
+from wall.core.errors import ConfigError
+
+if TYPE_CHECKING:  # what is imported when it is called
+    from wall.commands.frames import Quality
+    from wall.roles.plan import Plan
+
+Names: TypeAlias = tuple[str, ...]
 
 UpOption = Annotated[str | None, typer.Option(help="What is up in .obj, .ply, .stl: x, y, z, -x, -y or -z")]
 ViewOption = Annotated[
@@ -23,8 +31,9 @@ def render(
         ),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="image.png (8-bit sRGB), .exr or .npy (linear float32)")
-    ],
+        Path | None,
+        typer.Option("-o", "--output", help="image.png (8-bit sRGB), .exr or .npy (linear float32); frame_####.png"),
+    ] = None,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 64,
     size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels; the wall's own if left out")] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
@@ -35,43 +44,153 @@ def render(
         str | None,
         typer.Option(help="Layers of an .exr, with commas between: albedo, normal, depth, variance, object_id; or all"),
     ] = None,
+    frames: Annotated[
+        str | None, typer.Option(help="FIRST:LAST[:STEP]: many images, of the moments frame number / --rate")
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Frames a second, with --frames")] = 30.0,
+    film: Annotated[Path | None, typer.Option(help="FILE.mp4 of all --frames")] = None,
 ) -> None:
     """Render one converged image: the same bits for a seed, however many threads or ranks.
 
     [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
 
     [bold]wall render museum --layers all -o museum.exr[/]
+
+    [bold]wall render configs/demo.yaml --frames 0:119 --rate 30 --film demo.mp4[/]
     """
+    from wall.commands.frames import Quality
     from wall.commands.one_view import plan_of_view
-    from wall.commands.progress import progress_bar
-    from wall.commands.render import render_layers
     from wall.commands.terminal import print_notes
-    from wall.display.image_file import check_suffix, write_image, write_layers
-    from wall.roles.plan import exposure_at, make_layout, make_plan
+    from wall.display.image_file import check_suffix
+    from wall.roles.plan import make_layout, make_plan
     from wall.sampling.pixel_layers import LAYERS, checked_layers
 
     names = LAYERS if layers == "all" else checked_layers(layers.split(",") if layers else (), where="--layers")
-    check_suffix(output, layers=bool(names))
-    loaded = load_config(what, up=up)
-    with progress_bar("rendering") as update:
-        plan = make_plan(make_layout(loaded))
-        if view is not None:
-            plan = plan_of_view(plan, view)
+    quality = Quality(spp=spp, seed=seed, size=parse_size(size))
+
+    def planned() -> Plan:
+        plan = make_plan(make_layout(load_config(what, up=up)))
+        plan = plan if view is None else plan_of_view(plan, view)
         print_notes(plan)
+        return plan
+
+    if frames is None and film is None:
+        if output is None:
+            raise ConfigError("-o is missing; wanted a file, such as wall.png")
+        check_suffix(output, layers=bool(names))
+        _render_image(planned, output, quality, at=at, layers=names)
+        return
+    if names or at:
+        raise ConfigError(f"--frames with {'--layers' if names else '--at'}: frames are images of moments of their own")
+    _render_frames(planned, output, quality, frames=frames, rate=rate, film=film)
+
+
+def _render_image(planned: Callable[[], Plan], output: Path, quality: Quality, *, at: float, layers: Names) -> None:
+    from wall.commands.progress import progress_bar
+    from wall.commands.render import render_layers
+    from wall.display.image_file import write_image, write_layers
+    from wall.roles.plan import exposure_at
+
+    with progress_bar("rendering") as update:
+        plan = planned()
         found = render_layers(
             plan,
-            spp=spp,
-            seed=seed,
-            size=parse_size(size),
+            spp=quality.spp,
+            seed=quality.seed,
+            size=quality.size,
             at=at,
-            layers=names,
+            layers=layers,
             progress=lambda done, total: update(completed=done, total=total),
         )
     if found is None:
         return
     image = found["colour"]
-    if names:
+    if layers:
         write_layers(output, found)
     else:
         write_image(output, image, stops=exposure_at(plan, at))
-    console.print(f"wrote {output}: {image.shape[1]}x{image.shape[0]}, {spp} samples a pixel, seed {seed}")
+    size = f"{image.shape[1]}x{image.shape[0]}"
+    console.print(f"wrote {output}: {size}, {quality.spp} samples a pixel, seed {quality.seed}")
+
+
+def _render_frames(
+    planned: Callable[[], Plan], output: Path | None, quality: Quality, *, frames: str | None, rate: float,
+    film: Path | None,
+) -> None:  # fmt: skip
+    from wall.commands.frames import Targets, checked_rate, parse_frames, render_frames
+    from wall.commands.progress import progress_bar
+
+    if frames is None or (output is None and film is None):
+        raise ConfigError("--frames and --film: wanted --frames FIRST:LAST, and -o frame_####.png or --film film.mp4")
+    numbers, targets = parse_frames(frames), Targets(pattern=output, film=film)
+    targets.check()
+    rate = checked_rate(rate)
+    with progress_bar("rendering frames") as update:
+        plan = planned()
+        update(total=len(numbers))
+        render_frames(plan, quality, numbers, targets, rate=rate, done=lambda count: update(completed=count))
+    for name in filter(None, (output, film)):
+        console.print(f"wrote {name}: {len(numbers)} frames, {quality.spp} samples a pixel, seed {quality.seed}")
+
+
+def replay(
+    folder: Annotated[Path, typer.Argument(help="What wall run --record wrote", show_default=False)],
+    rank: Annotated[list[int] | None, typer.Option(help="Only this rank; may be given several times")] = None,
+    batch: Annotated[int | None, typer.Option(min=0, help="Show this batch of one --rank")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="FILE.npy for samples of --batch")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if left out")] = None,
+    film: Annotated[
+        Path | None, typer.Option(help="FILE.mp4 of what the run was to show, rendered anew; no samples are replayed")
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Frames a second of --film")] = 30.0,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of --film")] = 16,
+    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT of --film; the wall's own if left out")] = None,
+    view: ViewOption = None,
+) -> None:
+    """Trace a recorded run again: the same samples, bit for bit, or an error that names the first batch that differs.
+
+    [bold]wall run configs/demo.yaml --seconds 10 --record run.events[/]
+
+    [bold]wall replay run.events[/], [bold]wall replay run.events --rank 2 --batch 117[/]
+
+    [bold]wall replay run.events --film run.mp4 --rate 60 --size 1920x1080 --spp 64[/]
+    """
+    ranks = tuple(rank or ())
+    if film is not None and (ranks or batch is not None or output is not None):
+        raise ConfigError("--film shows all of a view; wanted no --rank, --batch or -o with it")
+    if batch is not None and len(ranks) != 1:
+        raise ConfigError("--batch: wanted exactly one --rank with it")
+    if output is not None and batch is None:
+        raise ConfigError("-o: wanted --batch with it")
+    if film is not None:
+        _replay_film(folder, film, spp=spp, size=size, rate=rate, view=view)
+        return
+    from wall.commands.progress import StartProgress
+    from wall.commands.replay import replay as replay_run
+    from wall.commands.replay import replay_one
+
+    with StartProgress(open_page=False) as progress:
+        if batch is None:
+            found = list(replay_run(folder, ranks=ranks, jobs=jobs, say=progress.say))
+        else:
+            found = list(replay_one(folder, ranks[0], batch, output, progress.say))
+    for item in found:
+        console.print(item, soft_wrap=isinstance(item, str))
+
+
+def _replay_film(folder: Path, film: Path, *, spp: int, size: str | None, rate: float, view: str | None) -> None:
+    from wall.commands.film import replay_film
+    from wall.commands.frames import Quality
+    from wall.commands.progress import progress_bar
+
+    with progress_bar("rendering frames") as update:
+        count = replay_film(
+            folder,
+            film,
+            Quality(spp=spp, seed=1, size=parse_size(size)),
+            rate=rate,
+            view=view,
+            total=lambda total: update(total=total),
+            done=lambda done: update(completed=done),
+        )
+    console.print(f"wrote {film}: {count} frames at {rate:g} Hz, {spp} samples a pixel")

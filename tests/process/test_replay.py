@@ -10,11 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from running import wall
+from typer.testing import CliRunner
 
+from wall import cli
+from wall.commands.film import frames_of
+from wall.commands.frames import Quality, rendered_frames
+from wall.commands.render import render
 from wall.commands.replay import replay, replay_one
 from wall.config.sampling import METHODS
 from wall.core.errors import ConfigError, RunError
+from wall.display.film import read_film
 from wall.run.recording import file_of
+from wall.run.replay import open_recording
+from wall.tracing.tracer_scene import make_tracer_scene
 
 VIEW = "  - {{id: {method}, panels: [r0c{k}], camera: {{position: [6, 4.5, {k}], target: [0, 0.6, 0]}}, {rest}}}\n"
 HEAD = """\
@@ -71,6 +79,23 @@ def test_every_sampler_gives_the_bits_of_the_run_in_one_process_or_two(recording
     assert int(said.group(1).replace(",", "")) > 10 * 48 * 16
     *_, last = replay(recording, ranks=(1, 10), jobs=1, say=silent)
     assert "samples, each with the bits of the run" in str(last)
+
+
+def test_a_film_of_a_run_has_the_images_of_its_moments(recording: Path, tmp_path: Path) -> None:
+    """The third view at 40 Hz, which the run refreshed at 60: its camera is on its path at each moment."""
+    plan, events = frames_of(open_recording(recording), view="frameless", rate=40.0)
+    assert len(events) >= 40, "a run of one and a half seconds"
+    times = np.array([event.scene_time for event in events if not event.paused])
+    assert np.median(np.diff(times)) == pytest.approx(1 / 40)
+    assert all(event.camera == plan.view.camera_at(event.scene_time) for event in events)
+    some, quality = events[10:12], Quality(spp=2, seed=1, size=(24, 16))
+    for event, image in zip(some, rendered_frames(plan, make_tracer_scene(plan.scene), some, quality), strict=True):
+        np.testing.assert_array_equal(image, render(plan, spp=2, seed=1, at=event.scene_time, size=(24, 16)))
+    film = tmp_path / "run.mp4"
+    options = ["--film", str(film), "--rate", "2", "--spp", "1", "--size", "24x16", "--view", "frameless"]
+    done = CliRunner().invoke(cli.app, ["replay", str(recording), *options])
+    assert done.exit_code == 0, done.output
+    assert len(list(read_film(film))) == len(frames_of(open_recording(recording), view="frameless", rate=2.0)[1])
 
 
 def test_one_batch_is_shown_and_written(recording: Path, tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def render_layers(
     tracer_scene = make_tracer_scene(plan.scene) if tracer_scene is None else tracer_scene
     renderer = OfflineRenderer(plan, tracer_scene, event_at(plan, at), spp=spp, layers=layers)
     if world is None:
-        return unstacked(_assembled(bands, _rendered(renderer, bands, progress), blank_columns(layers)), layers)
+        return unstacked(assembled(bands, _rendered(renderer, bands, progress), blank_columns(layers)), layers)
     own = _rendered(renderer, bands[world.rank :: world.size], progress, threads=1)
     received = world.gather(b"".join(band.tobytes() for band in own))
     if received is None:
@@ -71,7 +71,7 @@ def render_layers(
     rendered = [np.zeros(0, np.float32)] * len(bands)
     for rank, data in enumerate(received):
         rendered[rank :: world.size] = _unpacked(data, bands[rank :: world.size], len(blank_columns(layers)))
-    return unstacked(_assembled(bands, rendered, blank_columns(layers)), layers)
+    return unstacked(assembled(bands, rendered, blank_columns(layers)), layers)
 
 
 def _ranks_of(layout: Layout) -> MpiBootstrap:
@@ -100,7 +100,7 @@ def _unpacked(data: bytes, bands: list[Band], columns: int) -> list[Float32]:
     return [next(values).reshape(rect.height, rect.width, columns) for _, rect in bands]
 
 
-def _assembled(bands: list[Band], rendered: list[Float32], blank: Float32) -> Float32:
+def assembled(bands: list[Band], rendered: list[Float32], blank: Float32) -> Float32:
     """Put the bands in their places of the image; pixels of no band are `blank` (columns,)."""
     width, height = image_size(tile.panel for tile, _ in bands)
     image = np.tile(blank, (height, width, 1))

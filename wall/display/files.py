@@ -26,9 +26,9 @@ def replaced(path: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def check_target(path: Path, suffixes: tuple[str, ...]) -> None:
+def check_target(path: Path, suffixes: tuple[str, ...], *, option: str = "-o") -> None:
     """Refuse a file that cannot be written, before anything is rendered for it. Raises ConfigError."""
     if path.suffix.lower() not in suffixes:
-        raise ConfigError(f"-o {path}: cannot write '{path.suffix}'; accepted: {', '.join(suffixes)}")
+        raise ConfigError(f"{option} {path}: cannot write '{path.suffix}'; accepted: {', '.join(suffixes)}")
     if not path.absolute().parent.is_dir():
-        raise ConfigError(f"-o {path}: there is no folder {path.parent}")
+        raise ConfigError(f"{option} {path}: there is no folder {path.parent}")

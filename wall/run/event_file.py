@@ -156,6 +156,30 @@ class EventReader:
         self.batches += 1
         return number, crc
 
+    def messages(self) -> Iterator[bytes]:
+        """All messages from here on, without what lies between; `seconds` goes on with them."""
+        try:
+            while True:
+                kind = self._peek()
+                if kind == MESSAGE:
+                    yield self.message() or b""
+                else:
+                    self._skip(kind)
+        except EndOfFileError:
+            return
+
+    def _skip(self, kind: int) -> None:
+        if kind == TIME:
+            self.time()
+        elif kind == NO_MORE:
+            self._take(1)
+        elif kind == ANSWER:
+            self.answer()
+        elif kind == DROPPED:
+            self.dropped()
+        else:
+            self.batch()
+
     def _next(self, tag: int, body: struct.Struct) -> tuple[Any, ...]:
         found = self._peek()
         if found != tag:

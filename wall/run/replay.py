@@ -107,6 +107,21 @@ def replay_batch(recorded: Recorded, scene: TracerScene, rank: int, number: int)
     return replay.found
 
 
+def recorded_events(recorded: Recorded, view: int) -> tuple[list[Event], float]:
+    """The events of a view in the order of their times, and when the run ended; all seconds of the head's clock.
+
+    Raises RunError where no renderer of that view was recorded.
+    """
+    ranks = [rank for rank in recorded.ranks if view in recorded.plan.layout.views_of(rank)]
+    if not ranks:
+        name = recorded.plan.layout.config.views[view].id
+        raise RunError(f"{recorded.folder}: no renderer of view {name} is there; wanted one of its rank-N.events")
+    reader = EventReader(file_of(recorded.folder, ranks[0]))
+    messages = (parse_control(data) for data in reader.messages())
+    events = [message for message in messages if isinstance(message, Event) and message.view == view]
+    return sorted(events, key=lambda event: (event.input_time, event.number)), reader.seconds[1]
+
+
 class _FoundError(Exception):
     """The batch that was wanted is there."""
 

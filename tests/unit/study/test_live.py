@@ -13,12 +13,13 @@ import pytest
 from wall.config.loading import loads
 from wall.config.sampling import METHODS
 from wall.core.errors import ConfigError, RunError
+from wall.display.film import read_film, write_film
 from wall.display.image_log import LoggedImages, LoggedPanel
 from wall.study import json_lines
 from wall.study.live import cpu_limit, scores, sweep
 from wall.study.live.command import methods_of, report, tables
 from wall.study.live.cpu_limit import parents_of, quota_files
-from wall.study.live.film import read_film, scaled, write_film
+from wall.study.live.film import scaled
 from wall.study.live.images import GAP, SMALLEST_LABEL, strip
 from wall.study.live.rewriting import load_without_windows, moving, text_for
 from wall.study.live.rows import Row

@@ -9,7 +9,8 @@ import numpy as np
 from PIL import Image
 
 from wall.display.files import replaced
-from wall.study.live.film import OWN_WIDTH, QUALITY, hz_of, scaled, side_by_side, write_film
+from wall.display.film import write_film
+from wall.study.live.film import OWN_WIDTH, QUALITY, hz_of, scaled, side_by_side
 from wall.study.live.images import strip, wall_image
 from wall.study.live.reference import WallReference
 from wall.study.live.rows import Row

@@ -1,0 +1,76 @@
+"""`wall replay --film`: what a recorded run was to show, rendered anew at any rate, size and samples a pixel."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from wall.commands.frames import (
+    Done,
+    Quality,
+    Targets,
+    checked_rate,
+    rate_of,
+    rendered_frames,
+    write_frames,
+)
+from wall.commands.one_view import plan_of_view
+from wall.core.data import Event
+from wall.core.errors import ConfigError, RunError
+from wall.geometry.cameras import View
+from wall.roles.plan import Plan
+from wall.run.replay import Recorded, open_recording, recorded_events
+from wall.tracing.tracer_scene import make_tracer_scene
+
+ROUNDED = 1e-9  # of a frame
+
+
+def replay_film(
+    folder: Path, film: Path, quality: Quality, *, rate: float, view: str | None, total: Done, done: Done
+) -> int:
+    """Render the film of one view of a recorded run, its first if `view` is None. Returns the number of frames.
+
+    `total` is told how many there will be. Raises ConfigError, and RunError.
+    """
+    targets = Targets(film=film)
+    targets.check()
+    rate = checked_rate(rate)
+    recorded = open_recording(folder)
+    plan, events = frames_of(recorded, view=view, rate=rate)
+    total(len(events))
+    images = rendered_frames(plan, make_tracer_scene(plan.scene), events, quality)
+    write_frames(images, events, range(len(events)), targets, hz=rate_of(rate), done=done)
+    return len(events)
+
+
+def frames_of(recorded: Recorded, *, view: str | None, rate: float) -> tuple[Plan, list[Event]]:
+    """The plan of a view, and the event that it shows in each frame, from the run's first event to its end."""
+    names = [each.id for each in recorded.plan.layout.config.views]
+    if view is not None and view not in names:
+        raise ConfigError(f"--view {view}: {recorded.folder} has no such view; accepted: {', '.join(names)}")
+    number = 0 if view is None else names.index(view)
+    events, end = recorded_events(recorded, number)
+    if not events:
+        raise RunError(f"{recorded.folder}: holds no event of view {names[number]}; wanted a run that had begun")
+    plan = recorded.plan if view is None else plan_of_view(recorded.plan, view)
+    began = events[0].input_time
+    count = 1 + math.floor(max(0.0, end - began) * rate + ROUNDED)
+    return plan, [shown_at(recorded.plan.views[number], events, began + k / rate) for k in range(count)]
+
+
+def shown_at(view: View, events: Sequence[Event], time: float) -> Event:
+    """What is shown at a time, seconds of the head's clock: the newest event by then.
+
+    Until the next event the animation goes on, and with it a camera that follows its path; a steered one stays.
+    """
+    number = bisect_right([event.input_time for event in events], time) - 1
+    event = events[max(number, 0)]
+    following = events[number + 1] if 0 <= number < len(events) - 1 else event
+    if event.paused or following.scene_time <= event.scene_time:
+        return event
+    scene_time = min(event.scene_time + (time - event.input_time), following.scene_time)
+    camera = view.camera_at(scene_time) if event.camera == view.camera_at(event.scene_time) else event.camera
+    return replace(event, scene_time=scene_time, camera=camera)

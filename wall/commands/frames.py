@@ -1,0 +1,140 @@
+"""Frames of an animation or of a recorded run: rendered one after the other, written as files, encoded as a film.
+
+Each is the image of `wall render` at its moment, made from the scene, whatever a wall could show of it in time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.commands.offline import OfflineRenderer, bands_of, event_at, panels_of, tiles_of
+from wall.commands.render import assembled
+from wall.core.data import Event, Float32
+from wall.core.errors import ConfigError
+from wall.display.film import check_film, write_film
+from wall.display.image_file import check_suffix, display_values, write_image
+from wall.roles.plan import Plan
+from wall.run.bootstrap import under_mpi
+from wall.sampling.pixel_layers import blank_columns
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
+
+Done = Callable[[int], None]  # is told how many frames are done
+MOST_FRAMES = 1_000_000
+MOST_HZ = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quality:
+    """How frames are rendered."""
+
+    spp: int  # samples a pixel
+    seed: int
+    size: tuple[int, int] | None = None  # width and height, pixels; None: the wall's own
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Targets:
+    """Where frames go: files by a pattern, a film, or both."""
+
+    pattern: Path | None = None  # whose name has #### in place of the frame's number
+    film: Path | None = None
+
+    def check(self) -> None:
+        """Refuse what cannot be written. Raises ConfigError."""
+        if under_mpi():
+            raise ConfigError("frames are rendered by the cores of one machine: start it without mpirun")
+        if self.pattern is not None:
+            check_suffix(self.pattern)
+            if len(re.findall("#+", self.pattern.name)) != 1:
+                raise ConfigError(f"-o {self.pattern}: wanted one #### in the name, for the number of the frame")
+        if self.film is not None:
+            check_film(self.film, "--film")
+
+    def file(self, number: int) -> Path:
+        """The file of a frame."""
+        assert self.pattern is not None
+        name = re.sub("#+", lambda found: f"{number:0{len(found[0])}d}", self.pattern.name)
+        return self.pattern.with_name(name)
+
+
+def parse_frames(text: str) -> range:
+    """The frames of FIRST:LAST or FIRST:LAST:STEP, the last one included. Raises ConfigError."""
+    found = re.fullmatch(r"(\d{1,9}):(\d{1,9})(?::(\d{1,9}))?", text)
+    first, last, step = (int(part or 1) for part in found.groups()) if found else (1, 0, 1)
+    if last < first or step < 1 or (last - first) // step >= MOST_FRAMES:
+        wanted = f"FIRST:LAST or FIRST:LAST:STEP, such as 0:119, at most {MOST_FRAMES:,} frames"
+        raise ConfigError(f"--frames {text}: wanted {wanted}")
+    return range(first, last + 1, step)
+
+
+def checked_rate(rate: float) -> float:
+    """Frames a second. Raises ConfigError."""
+    if not 0.0 < rate <= MOST_HZ:
+        raise ConfigError(f"--rate {rate:g}: wanted frames a second, above 0, at most {MOST_HZ:g}")
+    return rate
+
+
+def render_frames(plan: Plan, quality: Quality, numbers: range, targets: Targets, *, rate: float, done: Done) -> None:
+    """Render frames of a plan's first view, of the moments number / rate, seconds, and write them.
+
+    Raises RunError naming a file that cannot be written.
+    """
+    events = [event_at(plan, number / rate) for number in numbers]
+    images = rendered_frames(plan, make_tracer_scene(plan.scene), events, quality)
+    write_frames(images, events, numbers, targets, hz=rate_of(rate, numbers.step), done=done)
+
+
+def rendered_frames(
+    plan: Plan, tracer_scene: TracerScene, events: Iterable[Event], quality: Quality
+) -> Iterator[Float32]:
+    """The first view's image under each event: (h, w, 3) float32 linear RGB. What shows the same is rendered once."""
+    panels = panels_of(plan.layout, quality.size)
+    bands = [band for tile in tiles_of(panels, seed=quality.seed) for band in bands_of(tile)]
+    renderer: OfflineRenderer | None = None
+    shown, image = object(), np.zeros((0, 0, 3), np.float32)
+    for event in events:
+        seen = event.camera, event.scene_time, event.edits.of_scene
+        if renderer is None:
+            renderer = OfflineRenderer(plan, tracer_scene, event, spp=quality.spp)
+        if seen != shown:
+            renderer.event = event
+            image = assembled(bands, list(renderer.bands(bands, lambda band: band)), blank_columns(()))
+        shown = seen
+        yield image
+
+
+def write_frames(
+    images: Iterable[Float32], events: Iterable[Event], numbers: range, targets: Targets, *, hz: Fraction, done: Done
+) -> None:
+    """Write each image, exposed as its event is, to its file and to the film, which shows `hz` a second.
+
+    Raises RunError naming a file that cannot be written.
+    """
+    written = _written(images, events, numbers, targets, done)
+    if targets.film is not None:
+        write_film(targets.film, written, hz=hz)
+    else:
+        for _ in written:
+            pass
+
+
+def _written(
+    images: Iterable[Float32], events: Iterable[Event], numbers: range, targets: Targets, done: Done
+) -> Iterator[NDArray[np.uint8]]:
+    for count, (image, event, number) in enumerate(zip(images, events, numbers, strict=True), 1):
+        if targets.pattern is not None:
+            write_image(targets.file(number), image, stops=event.exposure)
+        yield display_values(image, stops=event.exposure)
+        done(count)
+
+
+def rate_of(rate: float, step: int = 1) -> Fraction:
+    """Images a second of a film of every `step`th frame."""
+    return Fraction(rate).limit_denominator(1001) / step
