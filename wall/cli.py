@@ -96,6 +96,24 @@ def run(
         fail(f"the run failed: {outcome.failed}")
 
 
+@app.command()
+def demo(
+    seconds: Annotated[
+        float | None, typer.Option(min=0.1, help="Stop after so many seconds; without it, run until Ctrl-C")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for wall.png, panel-ID.png and summary.json")] = None,
+    scene: Annotated[Path | None, typer.Option(help="Show this model, or built-in scene, instead")] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No browser page")] = False,
+) -> None:
+    """Run the demo, wherever you are: a wall of four panels, with fewer pixels where there are fewer cores.
+
+    [bold]wall demo --seconds 20[/]
+    """
+    from wall.commands.inputs import DEMO
+
+    run(DEMO, seconds=seconds, out=out, scene=scene, headless=headless, fit=True)
+
+
 @app.command(name="set")
 def set_command(
     assignments: Annotated[

@@ -10,6 +10,7 @@ from wall.config.loading import Loaded, default_for_model, load, load_values, ne
 from wall.core.errors import ConfigError
 from wall.scene.build import BUILT_IN
 
+DEMO = Path(__file__).resolve().parents[1] / "demo.yaml"  # configs/demo.yaml, which is packaged under this name
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 # of built-in scenes: from where they were made to be seen; position, target, degrees
