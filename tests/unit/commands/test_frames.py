@@ -65,8 +65,8 @@ def test_frames_are_the_images_of_their_moments(config: Path, compiled_only: Non
 
 
 def test_time_runs_on_between_events_and_a_steered_camera_stays(config: Path) -> None:
-    view = make_plan(make_layout(load(config))).view
     plan = make_plan(make_layout(load(config)))
+    view = plan.view
     start = replace(first_event(plan, 100.0), scene_time=1.0, camera=view.camera_at(1.0))
     second = replace(start, input_time=100.2, scene_time=1.2, camera=view.camera_at(1.2))
     steered = Camera(position=(1.0, 2.0, 3.0), world_from_wall=start.camera.world_from_wall)

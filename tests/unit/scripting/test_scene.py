@@ -59,11 +59,11 @@ def test_what_is_neither_file_nor_scene_is_refused_with_what_there_is() -> None:
 def test_bad_words_are_refused_as_in_a_file_and_change_nothing(words: dict[str, object], said: str) -> None:
     scene = wall.Scene("courtyard")
     scene.set(lights=[])
-    before = scene.loaded
+    before, values = scene.loaded, scene.values
     with pytest.raises(ConfigError) as refused:
         scene.add_light(**words)
     assert said in str(refused.value)
-    assert scene.loaded is before
+    assert (scene.loaded, scene.values) == (before, values)
 
 
 def test_a_refusal_is_that_of_a_file_but_for_the_line(tmp_path: Path) -> None:
