@@ -71,13 +71,16 @@ def test_the_notebook_runs_a_wall_and_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_a_wall_ends_with_a_process_that_is_killed(tmp_path: Path) -> None:
-    child = [sys.executable, "-c", KILLED, str(write_config(tmp_path))]
-    done = subprocess.run(child, capture_output=True, text=True, env=environment(), timeout=60, check=False)
+    child, temporary = [sys.executable, "-c", KILLED, str(write_config(tmp_path))], tmp_path / "temporary"
+    temporary.mkdir()
+    variables = environment() | {"TMPDIR": str(temporary)}
+    done = subprocess.run(child, capture_output=True, text=True, env=variables, timeout=60, check=False)
     assert done.returncode == -9, done.stderr
     session, limit = int(done.stdout), time.monotonic() + END_S
     while in_session(session):
         assert time.monotonic() < limit, "processes are left"
         time.sleep(0.05)
+    assert list(temporary.glob("wall-*")) == []
 
 
 def test_what_is_refused_is_refused_before_anything_starts(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ class Running:
         self._finalizer = weakref.finalize(self, _end, self._process, patience_s=STOP_S)
         order = {
             "text": write(scene.values), "name": scene.loaded.name, "path": str(scene.loaded.path.absolute()),
-            "out": str(self.out), "still": still, "seconds": seconds,
+            "out": str(self.out), "temporary": out is None, "still": still, "seconds": seconds,
             "record": None if record is None else str(Path(record).absolute()),
         }  # fmt: skip
         try:

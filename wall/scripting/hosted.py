@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import select
+import shutil
 import signal
 import sys
 import threading
@@ -34,6 +35,8 @@ def main() -> None:
         _tell(tell_to, "refused", str(error))
     except BAD_LUCK as error:
         _tell(tell_to, "failed", str(error))
+    finally:
+        _clean(order)
 
 
 def with_page(loaded: Loaded) -> Loaded:
@@ -54,6 +57,7 @@ def _run(order: dict[str, Any], tell_to: TextIO) -> None:
     def say(line: str) -> None:
         _tell(tell_to, "said", line)
         if select.select([0], [], [], 0.0)[0]:  # nothing more is written there: it is closed
+            _clean(order)
             os._exit(1)
 
     def opened(address: str) -> None:
@@ -65,6 +69,12 @@ def _run(order: dict[str, Any], tell_to: TextIO) -> None:
         _tell(tell_to, "ended", outcome.summary)
         if outcome.failed:
             _tell(tell_to, "failed", outcome.failed)
+
+
+def _clean(order: dict[str, Any]) -> None:
+    """Remove a folder of results that nobody asked for: who ordered the wall may be gone."""
+    if order["temporary"]:
+        shutil.rmtree(order["out"], ignore_errors=True)
 
 
 def _first_line() -> str:
