@@ -47,7 +47,8 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
             page, folder = output.browser, layout.loaded.folder
             sink = browser = Browser(
                 page.host, page.port, layout.wall, views=views, why_images=why_images(layout), tokens=page.tokens,
-                tls=None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key), embed=page.embed,
+                tls=None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key),
+                embed=page.embed,
             )  # fmt: skip
         sinks.append(sink)
     return sinks, browser
