@@ -79,6 +79,19 @@ def start(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Pope
     )
 
 
+def session_of(leader: int) -> list[int]:
+    """Living processes of the session that `leader` began."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            fields = (entry / "stat").read_text().rpartition(")")[2].split()
+        except (OSError, NotADirectoryError):
+            continue
+        if entry.name.isdecimal() and int(fields[3]) == leader and fields[0] != "Z":
+            found.append(int(entry.name))
+    return found
+
+
 def _as_in_a_terminal() -> None:
     """Ctrl-C and a hang-up end a process, also where the tests run in the background, which ignores both."""
     for number in (signal.SIGINT, signal.SIGHUP):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -136,7 +137,10 @@ def _render_frames(
 def replay(
     folder: Annotated[Path, typer.Argument(help="What wall run --record wrote", show_default=False)],
     rank: Annotated[list[int] | None, typer.Option(help="Only this rank; may be given several times")] = None,
-    batch: Annotated[int | None, typer.Option(min=0, help="Show this batch of one --rank")] = None,
+    batch: Annotated[
+        str | None,
+        typer.Option(metavar="NUMBER[@LIFE]", help="Show this batch of one --rank; LIFE: restarts of the rank before"),
+    ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="FILE.npy for samples of --batch")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if left out")] = None,
     film: Annotated[
@@ -173,9 +177,18 @@ def replay(
         if batch is None:
             found = list(replay_run(folder, ranks=ranks, jobs=jobs, say=progress.say))
         else:
-            found = list(replay_one(folder, ranks[0], batch, output, progress.say))
+            number, life = _batch_of(batch)
+            found = list(replay_one(folder, ranks[0], number, output, progress.say, life=life))
     for item in found:
         console.print(item, soft_wrap=isinstance(item, str))
+
+
+def _batch_of(text: str) -> tuple[int, int]:
+    """The number of a batch, and how often its rank had been started again before."""
+    found = re.fullmatch(r"(\d+)(?:@(\d+))?", text)
+    if found is None:
+        raise ConfigError(f"--batch {text!r}: wanted a number such as 117, or 117@1 after a rank's first restart")
+    return int(found[1]), int(found[2] or 0)
 
 
 def _replay_film(folder: Path, film: Path, *, spp: int, size: str | None, rate: float, view: str | None) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -11,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from running import PICTURE_S, mpirun, page_of, panels, shown, start, summary, until, wall, write_config
+from running import PICTURE_S, mpirun, page_of, panels, session_of, shown, start, summary, until, wall, write_config
 
 from wall.client import connect
 from wall.core.errors import ConfigError, EditError
@@ -83,7 +85,7 @@ def until_alike(address: str, wanted: NDArray[np.int16]) -> None:
 def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_processes_cannot_become(
     tmp_path: Path, begun: list[subprocess.Popen[str]], wanted: NDArray[np.int16]
 ) -> None:
-    config = of_two_panels(tmp_path)
+    config = of_two_panels(tmp_path, compositors=2, restarts=2)
     second = another(config, tmp_path)
     process = start("run", config, "--still", "--watch", "--out", tmp_path / "OUT", "--seconds", 200)
     begun.append(process)
@@ -97,9 +99,18 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
     assert re.search(r": adopted after [\d.]+ s, by edit 3$", " ".join(done.stdout.split()))
     until_alike(address, wanted)
 
+    _, *ranks, _ = session_of(process.pid)  # but the head and the nursery
+    for rank in ranks:
+        os.kill(rank, signal.SIGKILL)
+    with connect(tmp_path / "OUT") as run:
+        run.set({"exposure": -9.0})
+        until(address, shown(address))
+        run.set({"exposure": 0})
+    until_alike(address, wanted)
+
     broken = tmp_path / "broken.yaml"
     for was, becomes, says in (
-        ("columns: 2", "columns: 3", "broken.yaml: wants 1 compositor and 3 renderers; this run has 1 and 2"),
+        ("columns: 2", "columns: 3", "broken.yaml: wants 2 compositors and 3 renderers; this run has 2 and 2"),
         ("source: courtyard", "source: nosuch.glb", "nosuch.glb: there is no such file"),
     ):
         broken.write_text(second.read_text().replace(was, becomes))
@@ -120,6 +131,7 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
     assert process.returncode == 0
     assert f"note: {config}: adopted" in "".join(said.split("\n")).replace("  ", " ")
     assert summary(tmp_path / "OUT")["configurations"] == 3
+    assert summary(tmp_path / "OUT")["restarts"].keys() == {"1", "2", "3"}
     assert summary(tmp_path / "OUT")["dropped"].get("bad_packet", 0) == 0
 
 

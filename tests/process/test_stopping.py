@@ -10,7 +10,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from running import mpirun, panels, start, summary, wall, write_config
+from rich.table import Table
+from running import mpirun, panels, session_of, start, summary, wall, write_config
+
+from wall.commands.replay import replay
 
 pytestmark = pytest.mark.clock
 STOP_LIMIT_S = 15.0  # of a machine with much else to do; 0.5 s on one that has not
@@ -33,19 +36,6 @@ def running() -> Iterator[Callable[..., subprocess.Popen[str]]]:
         for pid in session_of(run.pid):
             os.kill(pid, signal.SIGKILL)
         run.wait(10)
-
-
-def session_of(leader: int) -> list[int]:
-    """Living processes of the session that `leader` began."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        try:
-            fields = (entry / "stat").read_text().rpartition(")")[2].split()
-        except (OSError, NotADirectoryError):
-            continue
-        if entry.name.isdecimal() and int(fields[3]) == leader and fields[0] != "Z":
-            found.append(int(entry.name))
-    return found
 
 
 def read_until(run: subprocess.Popen[str], words: str) -> str:
@@ -142,8 +132,8 @@ def test_killed_renderer_does_not_stop_the_others(
 def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    config = write_config(tmp_path, path=ORBIT, restarts=1, encrypt="always")
-    run = running("run", config, "--headless", "--out", tmp_path / "out")
+    config, events = write_config(tmp_path, path=ORBIT, restarts=1, encrypt="always"), tmp_path / "run.events"
+    run = running("run", config, "--headless", "--out", tmp_path / "out", "--record", events)
     nursery = max(renderers(run))  # forked last
 
     def kill_renderer() -> None:
@@ -165,6 +155,10 @@ def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
     assert found["ranks"][1]["samples_traced"] > 64 * 48, "those of the second alone"
     assert panels(tmp_path / "out")[0].std() > 10
     assert not session_of(run.pid)
+    table, last = replay(events, ranks=(), jobs=1, say=lambda line: None)
+    assert isinstance(table, Table)
+    assert table.row_count == 2, "both lives"
+    assert "each with the bits of the run" in str(last)
 
 
 def test_run_without_any_renderer_left_ends_at_once(

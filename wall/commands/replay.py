@@ -32,15 +32,16 @@ def replay(
     recorded = _opened(folder, ranks)
     ranks = ranks or recorded.ranks
     scene = _scene(recorded, say)
-    jobs = min(jobs or len(os.sched_getaffinity(0)), len(ranks))
+    lives = [(rank, life) for rank in ranks for life in recorded.lives(rank)]
+    jobs = min(jobs or len(os.sched_getaffinity(0)), len(lives))
     say(f"replaying {len(ranks)} rank{'s' * (len(ranks) > 1)}")
     began = time.monotonic()
     if jobs == 1:
-        replayed = [replay_rank(recorded, scene, rank) for rank in ranks]
+        replayed = [replay_rank(recorded, scene, *each) for each in lives]
     else:
         _shared = recorded, scene  # forked with the processes
         with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("fork")) as pool:
-            replayed = list(pool.map(_replay_shared, ranks))
+            replayed = list(pool.map(_replay_shared, *zip(*lives, strict=True)))
     yield _table(recorded, replayed)
     if len(ranks) == len(recorded.ranks) and recorded.missing:
         names = ", ".join(f"rank-{rank}.events" for rank in recorded.missing)
@@ -51,13 +52,20 @@ def replay(
 
 
 def replay_one(
-    folder: Path, rank: int, number: int, output: Path | None, say: Callable[[str], None]
+    folder: Path, rank: int, number: int, output: Path | None, say: Callable[[str], None], *, life: int = 0
 ) -> Iterator[str | Table]:
-    """Replay a rank up to one batch, and show that one; `output`: a .npy file for its samples."""
+    """Replay a rank up to one batch, and show that one; `output`: a .npy file for its samples.
+
+    `life`: how often the rank had been started before.
+    """
     if output is not None:
         check_target(output, (".npy",))
     recorded = _opened(folder, (rank,))
-    found = replay_batch(recorded, _scene(recorded, say), rank, number)
+    if life not in (lives := recorded.lives(rank)):
+        raise ConfigError(
+            f"--batch {number}@{life}: {folder} has rank {rank} {len(lives)} times; accepted: @0 to @{len(lives) - 1}"
+        )
+    found = replay_batch(recorded, _scene(recorded, say), rank, number, life)
     yield from _lines(recorded, rank, found)
     if output is not None and found.batch is not None:
         with replaced(output) as part:
@@ -81,16 +89,17 @@ def _scene(recorded: Recorded, say: Callable[[str], None]) -> TracerScene:
     return scene
 
 
-def _replay_shared(rank: int) -> Replayed:
+def _replay_shared(rank: int, life: int) -> Replayed:
     assert _shared is not None
-    return replay_rank(*_shared, rank)
+    return replay_rank(*_shared, rank, life)
 
 
 def _table(recorded: Recorded, replayed: list[Replayed]) -> Table:
     table = Table("rank", "renders", "seconds of the run", "batches", "samples", "as in the run")
     for each in replayed:
         region = recorded.plan.layout.describe(each.rank)
-        table.add_row(str(each.rank), region, f"{each.seconds:.1f}", f"{each.batches:,}", f"{each.samples:,}", "yes")
+        name = f"{each.rank}, started again ({each.life})" if each.life else str(each.rank)
+        table.add_row(name, region, f"{each.seconds:.1f}", f"{each.batches:,}", f"{each.samples:,}", "yes")
     return table
 
 

@@ -30,16 +30,22 @@ class Recorder:
     """At most `hz` images a second: FOLDER/000000.jpg, 000001.jpg, ... and FOLDER/index.jsonl.
 
     A line of the index holds `file`, `time` (seconds of the head's clock), `camera_event`, `scene_event` and
-    `latency_ms` [p50, p95, p99]. An earlier recording in the folder is replaced.
+    `latency_ms` [p50, p95, p99]. An earlier recording in the folder is replaced, or resumed.
     """
 
-    def __init__(self, folder: Path, *, hz: float) -> None:
-        """Raises RunError when the folder cannot be created or written."""
+    def __init__(self, folder: Path, *, hz: float, resume: bool = False) -> None:
+        """`resume`: go on with the folder's recording. Raises RunError when the folder cannot be created or written."""
         make_folder(folder)
+        path = folder / "index.jsonl"
         try:
+            kept = _whole_lines(path) if resume else []
             for old in folder.glob("[0-9]*.jpg"):
-                old.unlink()
-            self._index: TextIO = (folder / "index.jsonl").open("w", encoding="utf-8")
+                if not old.stem.isdecimal() or int(old.stem) >= len(kept):
+                    old.unlink()
+            self._number = len(kept)
+            self._index: TextIO = path.open("w", encoding="utf-8")
+            self._index.writelines(kept)
+            self._index.flush()
         except OSError as error:
             raise RunError(f"cannot record to {folder}: {error.strerror or error}") from error
         self._folder, self._period = folder, 1.0 / hz
@@ -84,12 +90,11 @@ class Recorder:
         return {name: n for name, n in counts.items() if n}
 
     def _write_all(self) -> None:
-        number = 0
         with self._index:
             while (taken := self._queue.get()) is not None:
                 try:
-                    self._write(number, *taken)
-                    number += 1
+                    self._write(self._number, *taken)
+                    self._number += 1
                 except (OSError, ValueError, WallError) as error:  # ValueError: too wide for a JPEG
                     self._unwritten += 1
                     self._failure = self._failure or error
@@ -107,3 +112,9 @@ class Recorder:
         }
         self._index.write(json.dumps(line) + "\n")
         self._index.flush()
+
+
+def _whole_lines(path: Path) -> list[str]:
+    """The lines of an index; one that was not finished is left out."""
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.exists() else []
+    return [line for line in lines if line.endswith("\n")]

@@ -248,6 +248,12 @@ class Composition:
         if isinstance(part, FrameletPart) and (nodes := self._nodes_of(part)) is not None:
             nodes.outlets.lose(target, part)
 
+    def renew(self, target: int) -> None:
+        """Another rank has begun anew: it gets all that it needs of this one again."""
+        for nodes in (self._nodes, self._compared):
+            if nodes is not None:
+                nodes.outlets.renew(target)
+
     def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
         """Statistics images of every panel and sampler: made now for own panels, the newest that came of the others.
 

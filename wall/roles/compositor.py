@@ -118,7 +118,10 @@ class Compositor:
         if isinstance(message, Event):
             self._follow(message)
         elif isinstance(message, Membership):
-            yield from self._standing.take(message)
+            for connect in self._standing.take(message):
+                yield connect
+                if connect.anew:
+                    self.composition.renew(connect.rank)
             self._all_came = self._all_came or len(message.members) == self._plan.layout.size
         elif isinstance(message, Heartbeat):
             self._beats[message.rank] = message

@@ -136,6 +136,13 @@ class Outlets:
         """A part did not get there: its pixels are pending again."""
         self._pending.setdefault((part.step, target), []).append(part.rect)
 
+    def renew(self, target: int) -> None:
+        """A rank has begun anew: all that it needs is pending."""
+        for step, targets in self._targets.items():
+            if target in targets:
+                self._under_way.pop((step, target), None)
+                self._pending[step, target] = [self._graph.steps[step].rect]
+
     @property
     def idle(self) -> bool:
         """Whether everything has been offered."""

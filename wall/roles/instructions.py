@@ -153,6 +153,7 @@ class Connect:
 
     rank: int
     endpoint: str
+    anew: bool = False  # another process is that rank now: it has nothing of what was sent before
 
 
 @dataclass(frozen=True, slots=True)

@@ -137,6 +137,12 @@ class Manager:
         return "; ".join(news)
 
     @property
+    def newest_plan(self) -> Plan:
+        """What a rank has to know that starts now: also while others go over to it."""
+        coming = self._reloading.coming
+        return self.plan if coming is None else replace(coming, since=self._since)
+
+    @property
     def lost(self) -> Mapping[int, str]:
         """Ranks that died or are silent: how."""
         return self.register.lost
@@ -180,6 +186,8 @@ class Manager:
                 self._edited = True
             elif isinstance(message, Died):
                 self.register.bury(message, now)
+                if message.again:
+                    self._reloading.forget(message.rank)
             elif isinstance(message, End):
                 self.ended = self.ended or message.reason
             elif isinstance(message, Packet):
@@ -246,7 +254,8 @@ class Manager:
                 self._hold(now)
         if self._phase in (Phase.RUNNING, Phase.HOLDING):
             yield from self.register.on_tick(now)
-            yield from self._reloading.on_tick(now, self._since, self.lost)
+            excused = {rank for rank in self.lost if self.register.excused(rank)}
+            yield from self._reloading.on_tick(now, self._since, excused)
             if (plan := self._reloading.adopted(self.heartbeats, now, self.lost)) is not None:
                 yield from self._adopt(plan, now)
             if not self._reloading.adopting:

@@ -104,13 +104,13 @@ class Standing:
         self._heard = now
 
     def take(self, membership: Membership) -> Iterator[Connect]:
-        """Connect to targets that are new, or that began anew."""
+        """Connect to targets that are new, or that began anew and need all that they had once more."""
         self.members = {member.rank: member for member in membership.members}
         for rank in sorted(self._targets & self.members.keys()):
             member = self.members[rank]
             if self._connected.get(rank) != member:  # one that was only silent keeps its link
-                self._connected[rank] = member
-                yield Connect(rank, member.endpoint)
+                anew, self._connected[rank] = rank in self._connected, member
+                yield Connect(rank, member.endpoint, anew)
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """End this rank where the manager has been silent for too long."""

@@ -46,6 +46,7 @@ class RegionRenderer:
         self._scene = plan.scene_of(self.region.view)
         depth = self._scene.path_depth if self._configured == PROGRESSIVE else None
         self._samplers: tuple[str, str, int | None] = (self._configured, "", depth)  # the second is compared
+        self._starts_over = False
         self._resting: dict[int, tuple[Number, float]] = {}  # under which event, and when it looks again
         self._lost: dict[int, list[bytes]] = {}  # by worker: packets that were dropped
         self._tiles: dict[int, Measured] = {}  # the newest of each worker's sampler, while a viewer shows them
@@ -87,10 +88,11 @@ class RegionRenderer:
         if event is None:
             return
         wanted = self._wanted(event)
-        if wanted != self._samplers:  # another sampler, or two, or stages of other paths: all workers start over
+        # another sampler, or two, or stages of other paths, or samples that were lost: all workers start over
+        if wanted != self._samplers or self._starts_over:
             if self.running:
                 return
-            self._samplers = wanted
+            self._samplers, self._starts_over = wanted, False
             self._resting.clear()
             self._lost.clear()  # packets of samplers that are gone
             self._tiles.clear()
@@ -106,6 +108,11 @@ class RegionRenderer:
             measure = event.statistics and self._tiles_due[worker].now(now)
             lost, keep = tuple(self._lost.pop(worker, ())), self.image is not None
             yield Trace(worker, event, lost=lost, keep=keep, measure=measure)
+
+    def start_over(self) -> None:
+        """Trace everything again: who had the samples has none of them any more."""
+        self._starts_over, self.complete = True, False
+        self._resting.clear()
 
     def waits(self, now: float) -> bool:
         """Whether it has traced as many samples by now as its layer may have."""

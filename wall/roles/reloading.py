@@ -69,6 +69,11 @@ class Reloading:
         """Whether ranks go over to a configuration just now: no event is to be published."""
         return self._stage is Stage.ADOPTING
 
+    @property
+    def coming(self) -> Plan | None:
+        """The plan that ranks go over to just now; None while they do not."""
+        return self._made if self.adopting else None
+
     def ask(self, asked: Asked, now: float) -> Iterator[Instruction]:
         """Begin. Raises EditError where that cannot be."""
         if self._stage is not Stage.NONE:
@@ -93,6 +98,11 @@ class Reloading:
             return
         self._made, self._stage, self._again = made.plan, Stage.PREPARING, now
         self._missing = set(range(self._plan.layout.size))
+
+    def forget(self, rank: int) -> None:
+        """A rank has died and is started again: what it had prepared is gone."""
+        if self._stage is Stage.PREPARING:
+            self._missing.add(rank)
 
     def prepared(self, message: Prepared) -> Iterator[Instruction]:
         """A rank has prepared, or cannot."""

@@ -99,7 +99,10 @@ class Renderer:
             for region in self.regions:
                 region.follow(message)
         elif isinstance(message, Membership):
-            yield from self._standing.take(message)
+            for connect in self._standing.take(message):
+                yield connect
+                if connect.anew:
+                    self._renew(connect.rank)
         elif isinstance(message, Assignment):
             self._assign(message)
         elif isinstance(message, Stop):
@@ -139,6 +142,15 @@ class Renderer:
         for region in self.regions:
             region.note_refreshes()
         yield from self._tell_completeness(now)
+
+    def _renew(self, target: int) -> None:
+        """A compositor has begun anew: it gets the images that are made here again; else what it shows is traced."""
+        if self.image is not None:
+            self.image.composition.renew(target)
+            return
+        for region in self.regions:
+            if region.target == target:
+                region.start_over()
 
     def _assign(self, assignment: Assignment) -> None:
         """Keep the newest assignment for the next tick; one that does not fit the wall is counted."""

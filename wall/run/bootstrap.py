@@ -37,8 +37,8 @@ class Bootstrap(Protocol):
         """Ranks known to have ended badly, with how they ended; ranks that are not watched are left out."""
         ...
 
-    def start_again(self, rank: int) -> bool:
-        """Start a rank that is dead once more. Returns whether that can be tried."""
+    def start_again(self, rank: int, text: str) -> bool:
+        """Start a rank that is dead once more; it gets `text` as a broadcast. Returns whether that can be tried."""
         ...
 
     def finish(self) -> None:

@@ -37,7 +37,6 @@ class LocalBootstrap:
     ) -> None:  # fmt: skip
         self.rank, self.size, self.keys = rank, size, keys
         self._pipes, self._children, self._nursery = pipes, children, nursery
-        self._text = ""
         self._again: set[int] = set()  # ranks that were started again: the nursery tells how they end
 
     @classmethod
@@ -82,7 +81,6 @@ class LocalBootstrap:
         """Rank 0's text at every rank."""
         if self.rank != 0:
             return _receive(self._pipes[0])
-        self._text = text
         for pipe in self._pipes:
             with contextlib.suppress(BrokenPipeError):  # that rank has ended; `dead` says how
                 pipe.send_bytes(text.encode())
@@ -96,9 +94,9 @@ class LocalBootstrap:
                 ended[rank] = _how(child.exitcode)
         return ended
 
-    def start_again(self, rank: int) -> bool:
-        """Start a rank that is dead once more. Returns whether that can be tried."""
-        if self._nursery is None or not self._nursery.fork(rank, self._text):
+    def start_again(self, rank: int, text: str) -> bool:
+        """Start a rank that is dead once more; it gets `text` as a broadcast. Returns whether that can be tried."""
+        if self._nursery is None or not self._nursery.fork(rank, text):
             return False
         self._again.add(rank)
         return True

@@ -56,7 +56,7 @@ class MpiBootstrap:
         """The launcher watches its ranks; we see them go quiet by their heartbeats."""
         return {}
 
-    def start_again(self, rank: int) -> bool:
+    def start_again(self, rank: int, text: str) -> bool:
         """MPI has no way to put a process in another's place."""
         return False
 

@@ -58,7 +58,7 @@ class ThreadBootstrap:
         """Ranks that have failed: how."""
         return dict(self._shared.failed)
 
-    def start_again(self, rank: int) -> bool:
+    def start_again(self, rank: int, text: str) -> bool:
         """A thread that failed would fail again."""
         return False
 

@@ -29,7 +29,7 @@ from wall.run.control_file import Control, announced, new_key
 from wall.run.endings import EndSignals, WriterApart
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
-from wall.run.ranks import compositor_loop, open_data_hub, ways_of
+from wall.run.ranks import compositor_loop, open_data_hub, told_again, ways_of
 from wall.run.sinks import distinct, make_sinks, notes_of, save_images, window_input_of
 from wall.run.succession import FileWatch, Preparer
 from wall.run.usage import cpu_seconds
@@ -93,6 +93,7 @@ class HeadProcess:
         self._manager: Manager | None = None
         self._loop: Loop | None = None  # of the compositor
         self._restarts: dict[int, list[float]] = {}  # by rank: when it was started again
+        self._address: dict[str, str] = {}  # what ranks are told when they start
         self._sinks: list[Sink] = []
         self._signals, self._told = EndSignals(self._end), ""  # why this process was first told to end
         self._apart = WriterApart(self._save)
@@ -114,6 +115,7 @@ class HeadProcess:
         closing.later(manager_ways.close)
         address = {"manager": control.endpoint, "machine": machine_id()}
         self._bootstrap.broadcast(json.dumps(address))
+        self._address = address
         data = open_data_hub(plan, keys)
         ways = ways_of(plan, self._bootstrap, address, clock, data)
         closing.later(ways.close)
@@ -186,16 +188,17 @@ class HeadProcess:
             yield Died(rank, how, again=self._started_again(rank))
 
     def _started_again(self, rank: int) -> bool:
-        """Start a renderer again that died, where that is wanted and can be. Returns whether that was tried."""
-        manager, now = self._manager, self._clock.now()
-        if manager is None or manager.ended or self._options.record is not None:
+        """Start a rank again that died, where that is wanted and can be. Returns whether that was tried."""
+        manager, now, before = self._manager, self._clock.now(), self._restarts.get(rank, [])
+        if manager is None or manager.ended:
             return False
-        if manager.plan.number > 0 or manager.plan.layout.role(rank) != "renderer":
+        recent = [began for began in before if now - began < RESTARTS_WITHIN_S]
+        if len(recent) >= manager.plan.layout.config.transport.restarts:
             return False
-        recent = [began for began in self._restarts.get(rank, ()) if now - began < RESTARTS_WITHIN_S]
-        if len(recent) >= manager.plan.layout.config.transport.restarts or not self._bootstrap.start_again(rank):
+        text = told_again(self._address, manager.newest_plan, life=len(before) + 1)
+        if not self._bootstrap.start_again(rank, text):
             return False
-        self._restarts[rank] = [*recent, now]
+        self._restarts[rank] = [*before, now]
         return True
 
     def _end(self, reason: str) -> None:

@@ -68,9 +68,9 @@ class Renumbered:
         """Ranks of the wall that have ended badly: how."""
         return {self._rank_of[process]: how for process, how in self._bootstrap.dead().items()}
 
-    def start_again(self, rank: int) -> bool:
-        """Start a rank that is dead once more. Returns whether that can be tried."""
-        return self._bootstrap.start_again(self._rank_of.index(rank))
+    def start_again(self, rank: int, text: str) -> bool:
+        """Start a rank that is dead once more; it gets `text` as a broadcast. Returns whether that can be tried."""
+        return self._bootstrap.start_again(self._rank_of.index(rank), text)
 
     def finish(self) -> None:
         """End what was started."""

@@ -9,9 +9,11 @@ import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from wall.config.loading import dump
 from wall.core.clock import Clock
 from wall.core.data import Batch
 from wall.display.base import Sink
@@ -60,14 +62,30 @@ def serve(
     renderers are told.
     """
     rank, address = bootstrap.rank, json.loads(bootstrap.broadcast(""))
+    if "number" in address:
+        plan, tracer_scene = preparer.make(address["number"], address["text"], address["path"])
+        plan = replace(plan, since=address["since"])
     if bootstrap.killed_soon:
         leave_to_head()
     if plan.layout.role(rank) == "renderer":
         if isinstance(bootstrap, LocalBootstrap):
             os.nice(RENDERER_NICE)
-        _render(plan, tracer_scene, bootstrap, address, preparer, record)
+        file = file_of(record, rank, address.get("life", 0)) if record is not None else None
+        _render(plan, tracer_scene, bootstrap, address, preparer, file)
     else:
         _compose(plan, bootstrap, address, preparer, out, headless=headless)
+
+
+def told_again(address: Mapping[str, str], plan: Plan, *, life: int) -> str:
+    """What a rank is told that is started again: `address`, and the run's configuration by now where it is another.
+
+    `life`: how often it was started before.
+    """
+    told: dict[str, object] = {**address, "life": life}
+    if plan.number:
+        loaded = plan.layout.loaded
+        told |= {"number": plan.number, "since": plan.since, "text": dump(loaded.config), "path": str(loaded.path)}
+    return json.dumps(told)
 
 
 def _render(
@@ -78,7 +96,7 @@ def _render(
     preparer: Preparer,
     record: Path | None,
 ) -> None:
-    """`record`: everything that it is told is kept; then its workers take turns, so that there is one order of all."""
+    """`record`: a file that keeps all that it is told; then its workers take turns, so that there is one order."""
     rank, keys = bootstrap.rank, bootstrap.keys
     head_clock, hello = HeadClock(), hello_of(rank, "")
     clock: Clock = head_clock
@@ -87,7 +105,7 @@ def _render(
         if record is None:
             ports = ways_of(plan, bootstrap, address, head_clock, None)
         else:
-            events = EventFile(file_of(record, rank))
+            events = EventFile(record)
             closing.callback(events.close)
             clock, traced = RecordedClock(head_clock, events), partial(_keep, events)
             ports = RecordedPorts(hello, head_clock, *_manager_of(plan, bootstrap, address), events, keys=keys)
@@ -118,7 +136,7 @@ def _compose(
         hub = open_data_hub(plan, bootstrap.keys)
         ports = ways_of(plan, bootstrap, address, clock, hub)
         closing.callback(ports.close)
-        sinks, _ = make_sinks(plan, rank, out, headless=headless)
+        sinks, _ = make_sinks(plan, rank, out, headless=headless, again="life" in address)
         for sink in distinct(sinks):
             closing.callback(sink.close)
         if bootstrap.killed_soon:

@@ -1,6 +1,7 @@
 """Record a run's renderers: what each is told goes to a file of its own, see event_file.py.
 
-FOLDER/run.json says which wall was run, FOLDER/rank-N.events what rank N was told. `wall replay FOLDER` reads them.
+FOLDER/run.json says which wall was run, FOLDER/rank-N.events what rank N was told, and rank-N.1.events what it was told
+after it had died and was started again. `wall replay FOLDER` reads them.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ FORMAT = 1
 RUN = "run.json"
 
 
-def file_of(folder: Path, rank: int) -> Path:
-    """What a rank was told."""
-    return folder / f"rank-{rank}.events"
+def file_of(folder: Path, rank: int, life: int = 0) -> Path:
+    """What a rank was told; `life`: how often it was started before."""
+    return folder / (f"rank-{rank}.{life}.events" if life else f"rank-{rank}.events")
 
 
 def begin_recording(folder: Path, plan: Plan) -> None:

@@ -6,6 +6,7 @@ batch is compared with the checksum that the run kept of it.
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterator
 from contextlib import suppress
@@ -40,12 +41,18 @@ class Recorded:
     missing: tuple[int, ...]  # renderers of the run whose files are not there
     version: str  # of the program that ran
 
+    def lives(self, rank: int) -> tuple[int, ...]:
+        """How often the rank was started before, for each of its files."""
+        lives = itertools.takewhile(lambda life: file_of(self.folder, rank, life).exists(), itertools.count())
+        return tuple(lives)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
     """What came of a rank's replay."""
 
     rank: int
+    life: int  # how often it was started before
     batches: int  # that had the same bits as in the run
     samples: int  # in them
     seconds: float  # of the run
@@ -85,25 +92,33 @@ def open_recording(folder: Path) -> Recorded:
     return Recorded(folder=folder, plan=make_plan(layout), ranks=ranks, missing=missing, version=version)
 
 
-def replay_rank(recorded: Recorded, scene: TracerScene, rank: int) -> Replayed:
-    """Replay all of a rank. Raises RunError where it does otherwise than in the run."""
-    replay = _Replay(recorded, scene, rank)
+def replay_rank(recorded: Recorded, scene: TracerScene, rank: int, life: int = 0) -> Replayed:
+    """Replay all of a rank; `life`: how often it was started before.
+
+    Raises RunError where it does otherwise than in the run.
+    """
+    try:
+        replay = _Replay(recorded, scene, rank, life)
+    except EndOfFileError:  # it was ended before anything was written
+        return Replayed(rank=rank, life=life, batches=0, samples=0, seconds=0.0)
     replay.run()
     first, last = replay.events.seconds
     return Replayed(
         rank=rank,
+        life=life,
         batches=replay.events.batches,
         samples=replay.renderer.done.samples,
         seconds=last - first,
     )
 
 
-def replay_batch(recorded: Recorded, scene: TracerScene, rank: int, number: int) -> ReplayedBatch:
+def replay_batch(recorded: Recorded, scene: TracerScene, rank: int, number: int, life: int = 0) -> ReplayedBatch:
     """Replay a rank up to one of its batches. Raises RunError where the recording has none of that number."""
-    replay = _Replay(recorded, scene, rank, wanted=number)
+    replay = _Replay(recorded, scene, rank, life, wanted=number)
     replay.run()
     if replay.found is None:
-        raise RunError(f"{file_of(recorded.folder, rank)}: ends at batch {replay.events.batches - 1}; wanted {number}")
+        file = file_of(recorded.folder, rank, life)
+        raise RunError(f"{file}: ends at batch {replay.events.batches - 1}; wanted {number}")
     return replay.found
 
 
@@ -127,11 +142,13 @@ class _FoundError(Exception):
 
 
 class _Replay:
-    def __init__(self, recorded: Recorded, scene: TracerScene, rank: int, *, wanted: int | None = None) -> None:
+    def __init__(
+        self, recorded: Recorded, scene: TracerScene, rank: int, life: int, *, wanted: int | None = None
+    ) -> None:
         plan = recorded.plan
         self.rank, self.folder, self._wanted, self._version = rank, recorded.folder, wanted, recorded.version
         self.found: ReplayedBatch | None = None
-        self.events = EventReader(file_of(recorded.folder, rank))
+        self.events = EventReader(file_of(recorded.folder, rank, life))
         hello = parse_control(self.events.message() or b"")
         assert isinstance(hello, Hello)
         clock, ports = ReplayedClock(self.events), ReplayedPorts(rank, self.events)

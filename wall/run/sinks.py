@@ -20,10 +20,13 @@ if TYPE_CHECKING:
     from wall.display.browser import Browser
 
 
-def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[list[Sink | None], Browser | None]:
+def make_sinks(
+    plan: Plan, rank: int, out: Path, *, headless: bool, again: bool = False
+) -> tuple[list[Sink | None], Browser | None]:
     """The sinks of a rank in the order of the graph, and the page among them; None where `headless` leaves one out.
 
-    All windows of a rank are one sink, which stands in the list for each of them. Raises RunError where a display
+    All windows of a rank are one sink, which stands in the list for each of them. `again`: go on with what the rank
+    recorded before. Raises RunError where a display
     cannot be reached.
     """
     output, layout = plan.layout.config.output, plan.layout
@@ -37,7 +40,7 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
         if kind == "png":
             sink = PngSink(_folder(plan, step, out))
         elif kind == "recorder":
-            sink = Recorder(_folder(plan, step, out / "recording"), hz=output.record_hz)
+            sink = Recorder(_folder(plan, step, out / "recording"), hz=output.record_hz, resume=again)
         elif kind == "window":
             sink = windows
         elif kind == "browser" and not headless:

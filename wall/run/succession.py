@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from wall.config.loading import loads, read_text
-from wall.core.errors import ConfigError, WallError
+from wall.core.errors import ConfigError, RunError, WallError
 from wall.packets.control import Adopt, Prepare, Prepared
 from wall.roles.instructions import Changed, PlanMade, Role
 from wall.roles.plan import Plan, check_files, make_layout, make_plan, reconstructed_at_renderers
@@ -44,6 +44,14 @@ class Preparer:
                 return
             self._begun = wanted.number
         threading.Thread(target=self._make, args=(wanted,), name="preparer", daemon=True).start()
+
+    def make(self, number: int, text: str, path: str) -> tuple[Plan, TracerScene]:
+        """Make a plan at once, for a rank that begins with it. Raises RunError."""
+        self._begun = number
+        self._make(Prepare(number=number, text=text, path=path))
+        if (taken := self.take(number)) is None:
+            raise RunError(self._newest[0].refused if self._newest is not None else path)
+        return taken
 
     def _make(self, wanted: Prepare) -> None:
         plan: Plan | None = None

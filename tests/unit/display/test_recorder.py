@@ -39,6 +39,19 @@ def test_a_stall_does_not_make_it_catch_up(tmp_path, image, status):
     assert [line["time"] for line in index(tmp_path)] == [0.0, 3.0, 3.1]
 
 
+def test_a_recording_is_resumed_after_what_was_written_whole(tmp_path, image, status):
+    for part, resume in enumerate((False, True)):
+        recorder = Recorder(tmp_path, hz=10.0, resume=resume)
+        recorder.show(image(1, time=float(part)), status)
+        recorder.close()
+        with (tmp_path / "index.jsonl").open("a") as file:
+            file.write('{"file": "000')  # as after SIGKILL
+        (tmp_path / "000007.jpg").write_bytes(b"")
+    Recorder(tmp_path, hz=10.0, resume=True).close()
+    assert [(line["file"], line["time"]) for line in index(tmp_path)] == [("000000.jpg", 0.0), ("000001.jpg", 1.0)]
+    assert sorted(path.name for path in tmp_path.glob("*.jpg")) == ["000000.jpg", "000001.jpg"]
+
+
 def test_unchanged_image_is_not_written_again(tmp_path, image, status):
     recorder = Recorder(tmp_path, hz=10.0)
     for time, version in [(0.0, 1), (1.0, 1), (2.0, 2)]:

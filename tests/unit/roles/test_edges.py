@@ -112,6 +112,20 @@ def test_only_what_changed_is_sent_and_lands_where_it_was(graph: Graph) -> None:
     assert wire.outlets.idle
 
 
+def test_a_rank_that_begins_anew_gets_all_that_others_have_of_it(graph: Graph) -> None:
+    wire = Wire(graph)
+    wire.change(wire.step.rect)
+    wire.arrive()
+    wire.remote = RemoteFramelet(wire.step)
+    wire.outlets.renew(HEAD + 2)
+    assert wire.outlets.idle, "it needs nothing of this rank"
+    wire.outlets.renew(HEAD)
+    assert not wire.outlets.idle
+    wire.send()
+    wire.arrive()
+    assert_equal(wire.remote.framelet, wire.framelet)
+
+
 def test_pixels_are_plain_where_memory_is_shared_and_they_are_those_of_the_update(graph: Graph) -> None:
     """Also where the framelet has changed again before they were taken."""
     wire, asked = Wire(graph), []

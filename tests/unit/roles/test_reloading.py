@@ -10,7 +10,7 @@ import pytest
 from wall.config.loading import loads
 from wall.core.errors import ConfigError, EditError
 from wall.packets.control import Adopt, EditAnswer, EditRequest, Event, Heartbeat, Hello, Prepare, Prepared
-from wall.roles.instructions import Broadcast, Changed, Instruction, Make, PlanMade, Send
+from wall.roles.instructions import Broadcast, Changed, Died, Instruction, Make, PlanMade, Send
 from wall.roles.manager import Manager
 from wall.roles.plan import Layout, Plan, make_layout, make_plan
 from wall.roles.reloading import ADOPT_S, AGAIN_S, PREPARE_S, check_fits
@@ -114,6 +114,25 @@ def test_all_ranks_prepare_then_all_adopt_then_events_go_on_with_higher_numbers(
     assert led.manager.plan.number == 1
     with pytest.raises(EditError, match="no edit to undo"):
         led.manager.editor.undo()
+
+
+def test_a_rank_that_is_started_again_meanwhile_has_to_prepare_once_more(plan: Plan) -> None:
+    led = Led(plan)
+    led.ask()
+    led.tell(PlanMade(1, numbered(plan, 1)))
+    led.tick(0.1)
+    led.tell(Prepared(rank=1, number=1))
+    led.tell(Died(1, "signal 9", again=True))
+    led.tell(Prepared(rank=0, number=1))
+    led.tell(Prepared(rank=2, number=1))
+    led.tick(0.1)
+    assert not said(led.tick(AGAIN_S), Adopt), "it comes, and knows nothing"
+    assert led.manager.newest_plan.number == 0
+    led.tell(Hello(rank=1, host="", endpoint="", incarnation=2))
+    led.tell(Prepared(rank=1, number=1))
+    since = led.manager.events[0].camera_event + 1
+    assert said(led.tick(AGAIN_S), Adopt)
+    assert (led.manager.newest_plan.number, led.manager.newest_plan.since) == (1, since), "of one that starts now"
 
 
 @pytest.mark.parametrize("who", ["the head", "rank 1"])

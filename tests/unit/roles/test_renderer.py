@@ -178,9 +178,24 @@ def test_it_says_hello_until_the_membership_lists_it_and_connects_by_it(plan: Pl
     assert connect not in rank.tell(Membership(members=(own,)))
     assert connect not in rank.tell(Membership(members=(head, own))), "it was only silent"
     assert hello not in rank.tell(after=beat_s)
-    assert Connect(HEAD, "tcp://h:2") in rank.tell(
+    assert Connect(HEAD, "tcp://h:2", anew=True) in rank.tell(
         Membership(members=(replace(head, endpoint="tcp://h:2", incarnation=2), own))
     )
+
+
+def test_a_compositor_that_begins_anew_gets_all_samples_again_once_no_worker_traces(plan: Plan) -> None:
+    rank, event = Rank(plan), first_event(plan, 0.0)
+    head = Hello(rank=HEAD, host="h", endpoint="tcp://h:1", incarnation=1)
+    own = Hello(rank=RANK, host="a", endpoint="", incarnation=1)
+    first, second = traces(rank.tell(Membership(members=(head, own)), event))
+    assert not traces(rank.tell(traced(first, None)))  # nothing is missing
+    again = Membership(members=(replace(head, incarnation=2), own))
+    assert not [i for i in rank.tell(again) if isinstance(i, Restart | Trace)], "one is at work"
+    asked = [i for i in rank.tell(again, traced(second, None)) if isinstance(i, Restart | Trace)]
+    assert asked == [Restart("frameless", ""), Trace(0, event), Trace(1, event)]
+    assert not list(said(rank.tell(traced(first, None))))  # not complete: the other is at work
+    assert [beat.complete for beat in said(rank.tell(traced(second, None)))] == [True]
+    assert not traces(rank.tell(again)), "that is known"
 
 
 def test_it_ends_when_the_manager_has_been_silent_for_too_long(plan: Plan) -> None:
