@@ -130,6 +130,12 @@ class Source(threading.Thread):
             for p in self.wall.panels for second in ((False, True) if self.compare else (False,))
         )  # fmt: skip
 
+    @property
+    def stale(self) -> tuple[tuple[float, float, float, float], ...]:
+        """The left half of the second panel."""
+        (x, y), (width, height) = self.wall.panels[1].screen, self.wall.panels[1].pixels
+        return ((x, y, width / 2, height),)
+
     def status(self) -> Status:
         ranks = tuple(
             RankStatus(
@@ -160,6 +166,7 @@ class Source(threading.Thread):
             compared_per_s=2e6 if self.compare else 0.0,
             bookmarks=self.bookmarks,
             right_ms=420.0,
+            stale=self.stale if self.lost_rank else (),
             slow="Rank 2 (r0c1) makes 3 of 30 images a second." if self.lost_rank else "",
             view_samplers=(self.sampler, *(METHODS[0] for _ in self.views[1:])),
         )

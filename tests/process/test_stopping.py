@@ -191,6 +191,7 @@ def test_frozen_renderer_is_noticed_and_welcomed_back(
     assert run.returncode == 0, output
     assert found["lost"] == {}
     assert found["silences"]["1"] > 1.0
+    assert found["stale_s"]["1"] > 1.0, "marked as long"
 
 
 def test_killed_head_takes_its_renderers_along(tmp_path: Path, running: Callable[..., subprocess.Popen[str]]) -> None:

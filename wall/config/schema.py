@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import math
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
@@ -43,6 +44,8 @@ def _checked_network(text: str) -> str:
 Network = Annotated[Text, AfterValidator(_checked_network)]
 PortRange = Annotated[Text, AfterValidator(_checked_range)]
 
+STALE_BEATS = 3  # that a rank may miss before its part of the wall is marked
+
 
 class TransportConfig(Model):
     """How ranks talk."""
@@ -64,7 +67,12 @@ class TransportConfig(Model):
     credit_bytes: Annotated[Whole, Ge(16384), Le(1 << 30)] = Field(
         default=131072, description="bytes one renderer may have under way; less = fresher, more = steadier"
     )
-    heartbeat_s: Annotated[Number, Ge(0.05), Le(60.0)] = Field(default=0.5, description="seconds between signs of life")
+    heartbeat_s: Annotated[Number, Ge(0.05), Le(60.0)] = Field(default=0.1, description="seconds between signs of life")
+    stale_after_s: Annotated[Number, Ge(0.0), Le(600.0)] | None = Field(
+        default=None,
+        description="seconds of silence after which a rank's part of the wall is marked on the page; 0: never; three "
+        "heartbeats if left out",
+    )
     lost_after_s: Annotated[Number, Ge(0.1), Le(600.0)] = Field(
         default=2.0, description="seconds of silence that mean a rank is lost"
     )
@@ -91,7 +99,20 @@ class TransportConfig(Model):
                 accepted=f"at least {2 * self.heartbeat_s:g}, or a shorter heartbeat_s",
                 at=("lost_after_s",),
             )
+        if self.stale_after_s is not None and 0.0 < self.stale_after_s < 2 * self.heartbeat_s:
+            raise refusal(
+                f"one late heartbeat (every {self.heartbeat_s:g} s) would mark a rank's part of the wall",
+                accepted=f"at least {2 * self.heartbeat_s:g}, a shorter heartbeat_s, or 0: no marks",
+                at=("stale_after_s",),
+            )
         return self
+
+    @property
+    def marked_after_s(self) -> float:
+        """Seconds of silence after which a rank's part of the wall is marked; infinite where nothing is."""
+        if self.stale_after_s is None:
+            return min(STALE_BEATS * self.heartbeat_s, self.lost_after_s)
+        return self.stale_after_s or math.inf
 
 
 class TlsConfig(Model):

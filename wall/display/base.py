@@ -119,6 +119,8 @@ class Status:
     latencies_ms: tuple[float, ...]  # the recent ones, newest last, for the plot
     refreshes_per_s: float  # that changed something
     right_ms: float = 0.0  # input to images that are right in 90 % of their pixels, of the slowest rank; 0: not known
+    stale: tuple[tuple[float, float, float, float], ...] = ()  # x, y, width, height in virtual screen pixels of what
+    # gets nothing new, since the ranks that make it are not heard of
     slow: str = ""  # why the wall is slower than wanted, and what to lower; "" if it is not
     compare: str = ""  # the sampler that has the other half of the rays; "" none
     compared_per_s: float = 0.0  # its samples, of those of all ranks

@@ -77,7 +77,7 @@ class _Viewer:
     in_flight: deque[int] = field(default_factory=deque)  # numbers of images sent, not yet drawn
     number: int = 0
     layout: str = ""  # as last sent
-    told: tuple[bool, str, str] | None = None  # paused, sampler, compared one, as last sent
+    told: tuple[object, ...] = ()  # of the status, as last sent
     status_due: float = 0.0
     overlay: str = ""  # one of OVERLAYS
     samples: bool = False  # it makes images itself, of what samples there are
@@ -328,7 +328,8 @@ class Browser:
             await viewer.socket.close(code=WSCloseCode.INTERNAL_ERROR, message=repr(error).encode()[:120])
 
     async def _send(self, viewer: _Viewer, image: WallImage, status: Status) -> None:
-        answer = (status.paused, status.sampler, status.compare)  # to a command; the viewer waits for it
+        # to a command, for which the viewer waits, or something that it must not see as alive
+        answer = (status.paused, status.sampler, status.compare, status.stale)
         if self._loop.time() >= viewer.status_due or answer != viewer.told:
             viewer.status_due, viewer.told = self._loop.time() + STATUS_PERIOD_S, answer
             await viewer.socket.send_str(status_message(status))

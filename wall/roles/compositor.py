@@ -81,7 +81,8 @@ class Compositor:
         self._statistics_images: tuple[StatisticsImage, ...] = ()
         self._statistics_due = Due()
         self._sent = Sent()
-        self._all_came = False  # every rank has been in the run
+        self._came_ranks: frozenset[int] = frozenset()  # that have been in the run
+        self._gone: frozenset[int] = frozenset()  # of those: that were not heard of since the status was last made
         self._came = False  # packets, since the last tick
         self._others = {step.index for step in needed_from_others(graph, hello.rank)}
         self._shows_only = not graph.layers_on(hello.rank) and graph.sync == "none"  # images that others made
@@ -122,7 +123,9 @@ class Compositor:
                 yield connect
                 if connect.anew:
                     self.composition.renew(connect.rank)
-            self._all_came = self._all_came or len(message.members) == self._plan.layout.size
+            self._came_ranks |= self._standing.members.keys()
+            self._gone |= self._came_ranks - self._standing.members.keys()
+            self._status_due = now  # what is stale is marked at once
         elif isinstance(message, Heartbeat):
             self._beats[message.rank] = message
         elif isinstance(message, Selection):
@@ -152,7 +155,7 @@ class Compositor:
             news = view.event is None or event.number > view.event.number
             if view.take(event):
                 self.composition.follow(event)
-                if news and self._all_came:  # before, no rank could show it
+                if news and len(self._came_ranks) == self._plan.layout.size:  # before, no rank could show it
                     self.latency.published(event)
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
@@ -222,9 +225,10 @@ class Compositor:
         self._status = status_of(
             self._plan, event, self._beats, self._standing.members, self.latency,
             seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
-            parameters=self._states_under(event), bookmarks=self._bookmarks,
+            parameters=self._states_under(event), bookmarks=self._bookmarks, gone=self._gone,
             view_samplers=tuple("" if view.event is None else view.event.sampler for view in self._views),
         )  # fmt: skip
+        self._gone = self._came_ranks - self._standing.members.keys()
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
         if self._overlays_elsewhere:

@@ -51,6 +51,7 @@ NO_RENDERER = "no renderer is left"
 SILENT_S = 60.0  # all renderers may be for so long: a machine that swaps or a switch that restarts is no death
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 SETTLED_S = 0.4  # a complete image that has not changed for this long is final
+REPEAT_S = 0.5  # events are said again, at the latest
 HOLD_S = 0.5  # at the end the last view is held for so long at most, to get all its samples
 BYE_WAIT_S = 0.8  # for the ranks' last heartbeats
 LAST_S = 3.0  # for that of the head's compositor
@@ -305,7 +306,7 @@ class Manager:
                 if director is self._directors[-1]:
                     if now >= self._repeat_due and self.balancer is not None:
                         yield Broadcast(self.balancer.assignment)
-                    self._repeat_due = now + self._layout.config.transport.heartbeat_s
+                    self._repeat_due = now + min(REPEAT_S, self._layout.config.transport.lost_after_s / 2)
         if wanted:
             self.taken.update(editor.count, changed=self._shown_event.scene_event > before)
         if now >= self._update_due:
@@ -348,7 +349,7 @@ class Manager:
 
     def _watch(self, now: float) -> None:
         """Notice ranks that fell silent; their regions only grow old. See whether the run is over."""
-        self.register.watch(now, self._layout.config.transport.lost_after_s)
+        self.register.watch(now, self._layout.config.transport)
         self.ended = self.ended or self._why_over(now)
 
     def _why_over(self, now: float) -> str:

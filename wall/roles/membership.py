@@ -30,7 +30,8 @@ class Register:
         self._died: set[int] = set()  # of the lost ones: those whose process has ended
         self._coming: set[int] = set()  # of those: those that were started again
         self._heard, self._began = dict.fromkeys(range(1, size), now), now  # by rank: when it gave a sign of life
-        self._absent: frozenset[int] = frozenset()  # members that are not heard of any more
+        self._absent: dict[int, float] = {}  # ranks that are not heard of any more: since when
+        self._marked_s: dict[int, float] = {}  # by rank: for how long that was so before
         self._due = math.inf  # when the list is to be broadcast
 
     def take(self, hello: Hello, now: float) -> bool:
@@ -59,15 +60,34 @@ class Register:
         self._died.add(death.rank)
         self._coming = self._coming | {death.rank} if death.again else self._coming - {death.rank}
 
-    def watch(self, now: float, lost_after_s: float) -> None:
+    def watch(self, now: float, transport: TransportConfig) -> None:
         """Notice ranks that fell silent, or speak again."""
+        late, marked_after_s = set[int](), transport.marked_after_s
         for rank, heard in self._heard.items():
             silence = now - heard
-            if silence > lost_after_s:
+            if silence > marked_after_s:
+                late.add(rank)
+            if silence > transport.lost_after_s:
                 self.silences[rank] = max(self.silences.get(rank, 0.0), silence)
                 self.lost.setdefault(rank, f"silent for {silence:.1f} s")
             elif self.lost.get(rank, "").startswith("silent"):
                 del self.lost[rank]  # it was only late
+        self._see_absent(late | self.lost.keys(), now)
+
+    def _see_absent(self, absent: set[int], now: float) -> None:
+        """Know who is not heard of; the membership tells it at once."""
+        if absent == self._absent.keys():
+            return
+        self._due = now
+        for rank in self._absent.keys() - absent:
+            self._marked_s[rank] = self._marked_s.get(rank, 0.0) + now - self._absent[rank]
+        self._absent = {rank: self._absent.get(rank, now) for rank in sorted(absent)}
+
+    def marked_s(self, now: float) -> dict[int, float]:
+        """By rank: for how many seconds its part of the wall was marked, up to now. Other threads may ask."""
+        absent = self._absent
+        times = {rank: now - since for rank, since in absent.items() if rank in self.members}
+        return {k: self._marked_s.get(k, 0.0) + times.get(k, 0.0) for k in sorted({*self._marked_s, *times})}
 
     def silence(self, ranks: Iterable[int], now: float) -> float:
         """For how long none of these was heard of, seconds; infinite where all have died for good."""
@@ -80,11 +100,9 @@ class Register:
 
     def on_tick(self, now: float) -> Iterator[Broadcast]:
         """Broadcast the membership if it changed or was not told for long."""
-        if (absent := frozenset(self.lost)) != self._absent:
-            self._absent, self._due = absent, now
         if now >= self._due:
             self._due = now + REPEAT_S
-            present = sorted(self.members.keys() - absent)
+            present = sorted(self.members.keys() - self._absent.keys())
             yield Broadcast(Membership(members=tuple(self.members[rank] for rank in present)))
 
 
@@ -97,6 +115,7 @@ class Standing:
         self.members: dict[int, Hello] = {}
         self._connected: dict[int, Hello] = {}
         self._heard: float | None = None  # when the manager said something, or this rank began
+        self._alone = False  # at the last tick it had said nothing for too long
         self._beat_due = -math.inf
 
     def hear(self, now: float) -> None:
@@ -117,7 +136,8 @@ class Standing:
         if self._heard is None:
             self._heard = now
         silence = now - self._heard
-        if silence > HEAD_LOST_BEATS * self._transport.lost_after_s:
+        alone, self._alone = self._alone, silence > HEAD_LOST_BEATS * self._transport.lost_after_s
+        if alone and self._alone:  # twice: after a pause of this rank its messages still wait to be taken in
             yield Finish(f"rank {self._hello.rank}: nothing from the head for {silence:.1f} s; giving up")
 
     def beat_due(self, now: float) -> bool:

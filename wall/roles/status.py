@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from wall.display.base import ParameterState, RankStatus, Status
 from wall.packets.control import Heartbeat, Hello, Statistics
 from wall.roles.plan import Layout, Plan
 from wall.roles.slowness import why_slow
+from wall.roles.stale import stale_places
 
 if TYPE_CHECKING:
     from wall.roles.compositor import Compositor
@@ -85,14 +86,17 @@ def status_of(
     parameters: tuple[ParameterState, ...] = (),
     view_samplers: tuple[str, ...] = (),
     bookmarks: tuple[int, ...] = (),
+    gone: Collection[int] = (),
 ) -> Status:
     """What sinks may show of the run.
 
-    `seconds`: since it began; `oldest`: age of the oldest sample shown, by layer.
+    `seconds`: since it began; `oldest`: age of the oldest sample shown, by layer; `gone`: ranks
+    that were in the run, and are not heard of.
     """
     renderers = [beat for rank, beat in beats.items() if plan.layout.role(rank) == "renderer"]
     recent = list(latency.seconds)[-RECENT_LATENCIES:]
-    layout = plan.layout
+    layout, marks = plan.layout, math.isfinite(plan.layout.config.transport.marked_after_s)
+    members = {rank: member for rank, member in members.items() if rank not in gone}
     living = {rank: beat for rank, beat in beats.items() if rank in members}
     return Status(
         seconds=seconds,
@@ -106,6 +110,7 @@ def status_of(
         latencies_ms=tuple(1000.0 * s for s in recent),
         refreshes_per_s=refreshes_per_s,
         right_ms=1000.0 * max((beat.right_s for beat in living.values()), default=0.0),
+        stale=stale_places(layout, gone) if marks else (),
         slow=why_slow(layout, living),
         samples_per_pixel=min((beat.samples_per_pixel for beat in renderers), default=0),
         error=math.sqrt(sum(beat.square_error for beat in renderers) / max(len(renderers), 1)),
@@ -154,11 +159,13 @@ def statistics_of(status: Status) -> Statistics:
     )
 
 
-def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, cores: float, ended: str) -> dict[str, Any]:
+def summary_of(
+    manager: Manager, compositor: Compositor, *, now: float, seconds: float, cores: float, ended: str
+) -> dict[str, Any]:
     """What summary.json holds: counts since the newest configuration was adopted.
 
-    `seconds`: how long the run took; `cores`: how many the head's process used; `ended`: how, where the manager has not
-    decided that. May be called while the threads of both roles run.
+    `now`: seconds of the head's clock; `seconds`: how long the run took; `cores`: how many the head's process used;
+    `ended`: how, where the manager has not decided that. May be called while the threads of both roles run.
     """
     plan, beats = manager.plan, manager.heartbeats.copy()
     layout = plan.layout
@@ -185,6 +192,7 @@ def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, core
         "dropped": dict(sorted(dropped.items())),
         "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(compositor.latency.seconds)), strict=True)),
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.register.silences.items())},
+        "stale_s": {str(rank): round(s, 2) for rank, s in manager.register.marked_s(now).items()},
         "restarts": {str(rank): how for rank, how in sorted(manager.register.restarts.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
         "views": [_view_summary(plan, k, list(beats.values())) for k in range(len(plan.views))],

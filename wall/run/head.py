@@ -231,9 +231,10 @@ class HeadProcess:
         if self._manager is None or self._loop is None:
             return None
         assert isinstance(self._loop.role, Compositor)
-        seconds = self._clock.now() - self._began
+        now = self._clock.now()
+        seconds = now - self._began
         cores = (cpu_seconds() - self._cpu) / max(seconds, 1e-3)
-        return summary_of(self._manager, self._loop.role, seconds=seconds, cores=cores, ended=ended)
+        return summary_of(self._manager, self._loop.role, now=now, seconds=seconds, cores=cores, ended=ended)
 
     def outcome(self) -> Outcome:
         """The outcome of a run that began."""

@@ -13,7 +13,7 @@ from flat_batches import TEXT as ONE_PANEL
 from wall.config.loading import loads
 from wall.core.data import Edits, Event
 from wall.operators.overlay import PLACEHOLDERS, Overlay
-from wall.packets.control import Heartbeat, Statistics, Stop, WindowInput, parse_control
+from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput, parse_control
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import encode
 from wall.roles.compositor import LAST_S, Compositor
@@ -230,8 +230,8 @@ def test_latency_is_measured_once_everybody_is_there(alone: Plan) -> None:
     head, event = Rank(alone), first_event(alone, 0.0)
     batch = replace(flat(1.0, event, adaptive=True), base_time=head.now)
     moved: list[Event] = [replace(event, camera_event=k, input_time=head.now) for k in range(3)]
-    head.tell(moved[0])
-    head.role._all_came = True
+    ranks = (Hello(rank=k, host="", endpoint="", incarnation=1) for k in range(alone.layout.size))
+    head.tell(moved[0], Membership(members=tuple(ranks)))
     head.tell(moved[1], moved[2])
     assert not head.role.latency.seconds, "none of their samples has come"
     head.tell(Packet(encode(replace(batch, camera_event=2))), after=1.0)

@@ -40,6 +40,27 @@ def test_membership_is_told_when_it_changes_and_again_and_again(plan: Plan) -> N
     assert told(Died(1, "signal 9"), after=0.0) == [[HEAD]]
 
 
+def test_a_late_rank_is_marked_long_before_it_is_lost(plan: Plan, elsewhere: Plan) -> None:
+    run, limit = Run(elsewhere), elsewhere.layout.config.transport.marked_after_s
+    assert limit == pytest.approx(0.3), "three heartbeats"
+    said = run.tell(hello(HEAD), hello(1), hello(2), *run.beats(1, 2), after=GATHER_S)
+    said += run.tell(*run.beats(1), after=limit - 0.01)
+    said += run.tell(*run.beats(1), after=0.02)
+    told = [[member.rank for member in each.members] for _, each in said if isinstance(each, Membership)]
+    assert told[-1] == [HEAD, 1]
+    assert run.manager.lost == {}
+    said = run.tell(*run.beats(1, 2), after=0.5)
+    assert [[m.rank for m in each.members] for _, each in said if isinstance(each, Membership)] == [[HEAD, 1, 2]]
+    assert run.manager.register.marked_s(run.now) == pytest.approx({2: 0.5})
+
+    run = Run(plan_of(f"{TEXT}transport: {{stale_after_s: 0}}\n"))
+    run.tell(hello(HEAD), hello(1), after=1.9)
+    assert run.manager.register.marked_s(run.now) == {}
+    assert plan.layout.config.transport.lost_after_s == 2.0
+    run.tell(after=0.2)
+    assert run.manager.lost.keys() == {1}
+
+
 def test_rank_that_never_spoke_is_silent_from_the_start_and_lost_until_it_speaks(elsewhere: Plan) -> None:
     run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
     run.tell(*run.beats(1), after=limit)

@@ -202,5 +202,8 @@ def test_it_ends_when_the_manager_has_been_silent_for_too_long(plan: Plan) -> No
     rank, limit = Rank(plan), HEAD_LOST_BEATS * plan.layout.config.transport.lost_after_s
     rank.tell(first_event(plan, 0.0))
     assert not [i for i in rank.tell(after=limit) if isinstance(i, Finish)]
+    assert not [i for i in rank.tell(after=0.1) if isinstance(i, Finish)], "this rank itself may have paused"
+    assert not [i for i in rank.tell(first_event(plan, 0.0), after=0.1) if isinstance(i, Finish)], "it had"
+    rank.tell(after=limit + 0.1)
     (end,) = (i for i in rank.tell(after=0.1) if isinstance(i, Finish))
     assert f"rank {RANK}: nothing from the head" in end.failure

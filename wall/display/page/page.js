@@ -92,8 +92,7 @@ function take(message, pictures) {
     steering.samplers = message.samplers;
     readout.show({ ...message, sampler: message.view_samplers[viewports.steered] ?? message.sampler });
     bookmarks.show(message.bookmarks);
-    const living = new Set(message.ranks.filter((rank) => rank.alive).map((rank) => rank.panel));
-    wall.markGone(new Set(message.ranks.map((rank) => rank.panel).filter((id) => id && !living.has(id))));
+    wall.markStale(message.stale);
     compare.status(message, short);
     display.status(message);
   }

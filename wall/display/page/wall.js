@@ -12,6 +12,7 @@ const APART = 0.04;               // between two faces, of the wall's height
 export class Wall {
   #element; #room; #controls; #layout = null; #frame = 0; #view = "single";
   #outlines = [];                 // { element, rect }
+  #stale = [];                    // { element, place, rect }
   #faces = [];                    // first and second: { element, panels: [{ rect, box, context }] }
 
   // `controls` stand beneath the wall and keep their room.
@@ -33,6 +34,7 @@ export class Wall {
     this.#frame = outerBezel(layout);
     for (const face of this.#faces) face.element.remove();
     this.#faces = [];
+    this.#stale = [];
     this.#addFace();
     this.show(this.#view);
   }
@@ -108,9 +110,17 @@ export class Wall {
     }
   }
 
-  // Mark panels whose ranks are all lost: their last image stays.
-  markGone(ids) {
-    for (const { rect, box } of this.#faces.flatMap((face) => face.panels)) box.classList.toggle("gone", ids.has(rect.id));
+  // Mark rectangles of the wall, [x, y, width, height], that get nothing new: their last image stays.
+  markStale(places) {
+    if (JSON.stringify(places) === JSON.stringify(this.#stale.map(({ place }) => place))) return;
+    for (const { element } of this.#stale) element.remove();
+    this.#stale = places.map((place) => {
+      const element = Object.assign(document.createElement("div"), { className: "stale", textContent: "no new samples" });
+      const [x, y, width, height] = place;
+      return { element, place, rect: { x, y, width, height } };
+    });
+    this.#faces[0]?.element.append(...this.#stale.map(({ element }) => element));
+    this.arrange();
   }
 
   // Outline rectangles of the wall for a moment.
@@ -142,7 +152,7 @@ export class Wall {
         put(box, left, top, snap(rect.x + rect.across + frame) - left, snap(rect.y + rect.down + frame) - top);
       }
     });
-    for (const { element, rect } of this.#outlines) {
+    for (const { element, rect } of [...this.#outlines, ...this.#stale]) {
       const left = snap(rect.x + frame), top = snap(rect.y + frame);
       put(element, left, top, snap(rect.x + rect.width + frame) - left, snap(rect.y + rect.height + frame) - top);
     }

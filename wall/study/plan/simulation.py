@@ -238,7 +238,7 @@ class Simulation:
             self._until(self._engine.now + STEP_S, lambda seconds: None)
         seconds = self._engine.now
         return summary_of(
-            self.manager, self._compositors[HEAD], seconds=seconds, ended="interrupted",
+            self.manager, self._compositors[HEAD], now=seconds, seconds=seconds, ended="interrupted",
             cores=(self.nodes[0].task.used + self.nodes[1].task.used) / seconds,
         )  # fmt: skip
 
