@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from wall.cli_faults import faults
 from wall.cli_measure import measure
 from wall.cli_plan import plan
 from wall.cli_render import UpOption, ViewOption, render, replay
@@ -26,6 +27,7 @@ app = typer.Typer(
     "Try [bold]wall run configs/demo.yaml[/], then open the address it prints. "
     "[bold]wall check[/] says what a configuration does before it does it.",
 )
+measure.command()(faults)
 app.add_typer(measure, name="measure")
 app.command()(plan)
 app.command()(render)

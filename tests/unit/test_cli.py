@@ -31,6 +31,7 @@ def test_help_imports_no_command_and_none_of_its_libraries() -> None:
     assert ours == {
         "wall",
         "wall.cli",
+        "wall.cli_faults",
         "wall.cli_measure",
         "wall.cli_plan",
         "wall.cli_render",

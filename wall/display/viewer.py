@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
+import threading
 import time
 import zlib
 from dataclasses import dataclass
+from typing import Any
 from urllib.parse import urlsplit
 
 import aiohttp
@@ -35,6 +38,14 @@ class Received:
         return (
             f"{words}, {self.samples / self.seconds / 1e3:,.0f} k samples/s, {self.bytes / self.samples:.1f} bytes each"
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the page was told, and when, seconds of this machine's monotonic clock."""
+
+    time: float
+    status: dict[str, Any]
 
 
 def watch(address: str, *, display: str, seconds: float, drawing_s: float = 0.0) -> Received:
@@ -79,3 +90,35 @@ async def _watch(address: str, display: str, seconds: float, drawing_s: float) -
                 await asyncio.sleep(drawing_s)
                 await connection.send_json({"kind": "shown", "number": number})
     return got
+
+
+class StatusViewer:
+    """A viewer in a thread of its own that keeps each status, and no image."""
+
+    def __init__(self, address: str) -> None:
+        """`address`: of a page. Where none answers, nothing is seen."""
+        self.seen: list[Seen] = []
+        self._address, self._loop = address, asyncio.new_event_loop()
+        self._watching = self._loop.create_task(self._watch())
+        self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End it."""
+        with contextlib.suppress(RuntimeError):  # it has ended by itself
+            self._loop.call_soon_threadsafe(self._watching.cancel)
+        self._thread.join()
+
+    def _run(self) -> None:
+        with contextlib.suppress(asyncio.CancelledError, aiohttp.ClientError):  # closed, or the wall has ended
+            self._loop.run_until_complete(self._watching)
+        self._loop.close()
+
+    async def _watch(self) -> None:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(self._address.rstrip("/") + "/stream", max_msg_size=0) as connection,
+        ):
+            async for message in connection:  # no image is answered, so that hardly any comes
+                if message.type is aiohttp.WSMsgType.TEXT and (said := json.loads(message.data))["kind"] == "status":
+                    self.seen.append(Seen(time.monotonic(), said))

@@ -60,6 +60,16 @@ def text_for(loaded: Loaded, method: str) -> str:
     return dump(type(config).model_validate(values))
 
 
+def text_in_motion(loaded: Loaded) -> str:
+    """YAML of the configuration, for a file in any folder; the first camera is given an orbit if it has no path."""
+    config, first = loaded.config, loaded.config.views[0]
+    if first.path is None:
+        first = first.model_copy(update={"path": OrbitPathConfig(type="orbit", period_s=ORBIT_PERIOD_S)})
+    changed = config.model_copy(update={"views": (first, *config.views[1:])})
+    values = _absolute(changed.model_dump(mode="json", exclude_none=True), loaded.folder.absolute())
+    return dump(type(config).model_validate(values))
+
+
 def with_rows(loaded: Loaded, rows: Rows) -> Loaded:
     """The configuration for a renderer that knows when rows are shown, or not, or that makes all for one moment."""
     if rows == "known":
