@@ -226,6 +226,20 @@ def test_second_images_come_of_all_panels_or_of_none(plan: Plan) -> None:
     assert len(shown.images()) == 2
 
 
+def test_every_absence_of_a_rank_is_told_once_however_short(alone: Plan) -> None:
+    head = Rank(alone)
+    everybody = tuple(Hello(rank=k, host="", endpoint="", incarnation=1) for k in range(alone.layout.size))
+
+    def stale(*messages: Input) -> list[int]:
+        asked = head.tell(*messages)
+        return [len(each.status.stale) for each in asked if isinstance(each, Show)]
+
+    assert stale(first_event(alone, 0.0), Membership(members=everybody[:1]))[-1] == 0, "nobody else has come yet"
+    assert stale(Membership(members=everybody))[-1] == 0
+    assert stale(Membership(members=everybody[:1]), Membership(members=everybody))[-1] == 1
+    assert stale(Membership(members=everybody))[-1] == 0
+
+
 def test_latency_is_measured_once_everybody_is_there(alone: Plan) -> None:
     head, event = Rank(alone), first_event(alone, 0.0)
     batch = replace(flat(1.0, event, adaptive=True), base_time=head.now)

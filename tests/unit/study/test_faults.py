@@ -49,7 +49,7 @@ def test_an_image_is_whole_again_when_most_of_what_moved_there_has_changed() -> 
     log = log_of(*images)
     assert faults.whole_again(log, [LEFT], began=1.0, ended=1.0) == 500.0
     assert faults.whole_again(log, [RIGHT], began=1.0, ended=1.0) == 200.0
-    assert faults.whole_again(log, [LEFT, RIGHT], began=1.0, ended=1.3) == 200.0
+    assert faults.whole_again(log, [RIGHT], began=1.0, ended=1.3) == 200.0, "what changed before that does not count"
     assert faults.whole_again(log_of(*images[:3]), [LEFT], began=1.0, ended=1.0) is None, "half of it is missing"
     assert faults.whole_again(log, [(0.0, 0.0, 50.0, 4.0)], began=1.0, ended=1.0) is None, "nothing moved there"
 
