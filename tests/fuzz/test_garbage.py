@@ -72,6 +72,11 @@ CONTROL = [
     ),
 ]  # fmt: skip
 SAMPLES = [encode(batch_of(plain_samples(n)), codec) for n in (0, 1, 5) for codec in Codec]
+FIELDS = [(True, False), (False, True), (False, False)]
+FEWER = [
+    encode(batch_of(plain_samples(n), depths=depths, objects=objects), codec)
+    for n in (1, 5) for codec in Codec for depths, objects in FIELDS
+]  # fmt: skip
 COMPACT = [encode(batch_of(plain_samples(n), adaptive=True)) for n in (0, 1, 5, 40)]
 RELIGHTABLE = [encode(batch_of(relightable_samples(n), adaptive=True, relightable=True)) for n in (0, 1, 5, 40)]
 NOISY = [encode(batch_of(relightable_samples(n), adaptive=True, noisy=True)) for n in (0, 1, 5, 40)]
@@ -149,7 +154,9 @@ def test_random_bytes_are_refused(parse: Callable[[bytes], Parsed]) -> None:
 
 
 @pytest.mark.parametrize(
-    "packets", [SAMPLES, COMPACT, RELIGHTABLE, NOISY], ids=["plain", "compact", "relightable", "noisy"]
+    "packets",
+    [SAMPLES, FEWER, COMPACT, RELIGHTABLE, NOISY],
+    ids=["plain", "fewer_fields", "compact", "relightable", "noisy"],
 )
 def test_mutated_sample_packets_are_refused_or_harmless(packets: list[bytes]) -> None:
     rng, accepted = np.random.default_rng(2), 0
@@ -171,5 +178,5 @@ def test_mutated_control_messages_are_refused_or_harmless() -> None:
 
 
 def test_messages_of_one_kind_are_refused_by_the_other_parser() -> None:
-    assert not any(survives(parse_control, data) for data in SAMPLES + COMPACT + RELIGHTABLE + NOISY)
+    assert not any(survives(parse_control, data) for data in SAMPLES + FEWER + COMPACT + RELIGHTABLE + NOISY)
     assert not any(survives(decode, data) for data in CONTROL)

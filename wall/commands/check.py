@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from rich.table import Table
 
 from wall.commands.expectations import expected
+from wall.commands.fields import fields_of_packets
 from wall.commands.terminal import si
 from wall.config.loading import Loaded
 from wall.config.views import ViewConfig
@@ -53,6 +54,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     yield from layers_apart(layout)
     yield from reconstructions(layout)
     yield from at_renderers(layout)
+    yield from fields_of_packets(plan)
     rate, size = measured_rate(plan)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "

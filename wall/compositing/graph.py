@@ -146,6 +146,14 @@ class Graph:
         slow = ("depth by which it is moved",) if layer.refresh_hz is not None else ()
         return (*light, *(name for name in CHANNELS if name in step.channels - {"colour"}), *clear, *small, *slow)
 
+    def fields_of(self, layer: Layer) -> tuple[bool, bool]:
+        """Whether anything is made of the depths of a layer's samples, and of their objects, where they stay in place.
+
+        Samples that are reprojected, as all of the adaptive sampler, need both.
+        """
+        channels, moved = self.step(layer.node).channels, layer.reprojects or layer.refresh_hz is not None
+        return moved or "depth" in channels, moved or layer.transparent or "object_id" in channels
+
     def layer_of(self, rank: int) -> Layer:
         """The first layer that a renderer renders; KeyError if it is none."""
         for layer in self.layers:

@@ -239,6 +239,8 @@ class Batch:
     camera: Camera = STILL  # that the samples saw
     scene_time: float = 0.0  # likewise, seconds of the animation
     adaptive: bool = False  # the image is made by reprojection; else every pixel shows its newest sample
+    depths: bool = True  # samples bring their depth; adaptive ones always do
+    objects: bool = True  # samples bring the object that they show; adaptive ones always do
     foreseen: bool = False  # not adaptive: traced where the camera was expected; samples of the event itself replace it
     relightable: bool = False  # adaptive samples bring normals and light visibility masks
     noisy: bool = False  # adaptive samples are of paths, and bring normals and albedos

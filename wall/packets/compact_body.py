@@ -32,6 +32,7 @@ class PackedCompact(NamedTuple):
     span: float  # seconds of the last time code
     bad: int  # samples without a finite colour, a depth or a time: the body is empty
     outside: int  # samples outside the rectangle: likewise
+    bright: int  # samples whose light is cut off
 
 
 def pack(samples: Samples, rect: Rect, *, relightable: bool, noisy: bool) -> PackedCompact:
@@ -39,9 +40,9 @@ def pack(samples: Samples, rect: Rect, *, relightable: bool, noisy: bool) -> Pac
     n = len(samples)
     columns = np.empty((_columns(relightable or noisy), n), np.int32)
     objects = np.empty((OBJECT_COLUMNS, n), np.uint32)
-    known, base, span, bad, outside = kernels.encode(samples, rect.numbers, CURVE, noisy, columns, objects)
+    known, base, span, bad, outside, bright = kernels.encode(samples, rect.numbers, CURVE, noisy, columns, objects)
     body = b"" if bad or outside else _compressed([*objects[:, :known], *columns.view(np.uint32)])
-    return PackedCompact(body, int(known), int(base), float(span), int(bad), int(outside))
+    return PackedCompact(body, int(known), int(base), float(span), int(bad), int(outside), int(bright))
 
 
 def unpack(

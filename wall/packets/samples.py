@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from collections import Counter
 from enum import IntFlag
 
 import numpy as np
@@ -23,7 +24,7 @@ from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 
 __all__ = ["HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
-MAGIC, VERSION, KIND_SAMPLES = b"WALL", 6, 1
+MAGIC, VERSION, KIND_SAMPLES = b"WALL", 7, 1
 PLAIN, COMPACT = 0, 1  # layouts of the body
 MAX_SAMPLES = 65536  # of one packet
 MAX_NUMBER = (1 << 60) - 1  # of events, frames and edits: no run ever counts as far, and sums of them fit 64 bits
@@ -51,12 +52,14 @@ class Channel(IntFlag):
     FORESEEN = 512  # nothing more of each: all of them were traced where the camera was expected
 
 
-ALWAYS = Channel.POSITION | Channel.RADIANCE | Channel.DEPTH | Channel.TIME | Channel.OBJECT_ID
-ADAPTIVE = ALWAYS | Channel.CHANGE
+ALWAYS = Channel.POSITION | Channel.RADIANCE | Channel.TIME
+WITH_SURFACE = ALWAYS | Channel.DEPTH | Channel.OBJECT_ID
+ADAPTIVE = WITH_SURFACE | Channel.CHANGE
 RELIGHTABLE = ADAPTIVE | Channel.NORMAL | Channel.LIGHT_VISIBILITY
 NOISY = ADAPTIVE | Channel.NORMAL | Channel.ALBEDO
 KNOWN = RELIGHTABLE | NOISY | Channel.FORESEEN
-CHANNELS_OF_LAYOUT = {PLAIN: (ALWAYS, ALWAYS | Channel.FORESEEN), COMPACT: (ADAPTIVE, RELIGHTABLE, NOISY)}
+OPTIONAL_OF_PLAIN = Channel.DEPTH | Channel.OBJECT_ID | Channel.FORESEEN
+TOO_BRIGHT = "too_bright"  # counts samples whose light is above LARGEST_COLOUR and cut off there
 
 
 def is_samples(data: bytes) -> bool:
@@ -69,10 +72,10 @@ def sender_of(data: bytes) -> int | None:
     return int.from_bytes(data[RANK_AT : RANK_AT + 2], "little") if is_samples(data) and len(data) > RANK_AT else None
 
 
-def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
+def encode(batch: Batch, codec: Codec = Codec.NONE, counters: Counter[str] | None = None) -> bytes:
     """One packet of a batch; the compact layout for adaptive ones, whose samples may come back in another order.
 
-    `codec` is that of the plain layout: the compact one is always compressed by zstd.
+    `codec` is that of the plain layout: the compact one is always compressed by zstd. `counters`: TOO_BRIGHT is added.
 
     Raises LocalProtocolError for what the format cannot carry: too many samples, a rectangle with an edge above 4096,
     samples outside it, radiance that is not finite, negative depth, times below 0 or from 1e6 s, a camera that is not
@@ -88,12 +91,14 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
     if batch.adaptive:
         layout, codec, bits = COMPACT, Codec.ZSTD, DEPTH_BITS
         channels = NOISY if batch.noisy else RELIGHTABLE if batch.relightable else ADAPTIVE
-        data, objects, base, span, bad, outside = compact_body.pack(
+        data, objects, base, span, bad, outside, bright = compact_body.pack(
             batch.samples, rect, relightable=batch.relightable, noisy=batch.noisy
         )
     else:
-        layout, channels = PLAIN, ALWAYS | Channel.FORESEEN if batch.foreseen else ALWAYS
-        raw, objects, base, bits, span, bad, outside = plain_body.pack(batch.samples, rect)
+        layout, channels = PLAIN, _plain_channels(batch)
+        raw, objects, base, bits, span, bad, outside, bright = plain_body.pack(
+            batch.samples, rect, depths=batch.depths, objects=batch.objects
+        )
         data = b"" if bad or outside else compress(raw.data, codec)
     if bad:
         raise LocalProtocolError(f"{where}: {bad} of {n} samples without a finite colour, a depth or a time")
@@ -120,6 +125,8 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
         raise LocalProtocolError(f"{where}: a number does not fit its field of the header ({error})") from error
     except ValueError as error:
         raise LocalProtocolError(f"{where}: camera's world_from_wall {error}") from error
+    if counters is not None:
+        counters[TOO_BRIGHT] += bright
     return b"".join((header, _CHECKSUM.pack(zlib.crc32(data, zlib.crc32(header))), data))
 
 
@@ -154,18 +161,23 @@ def decode(data: bytes | memoryview) -> Batch:
         )
     if not all(map(math.isfinite, (scene_time, *position))) or not is_unit(quaternion):
         raise RemoteProtocolError(f"{where}: scene time {scene_time}, pose {position} {quaternion}: out of range")
-    if channels not in CHANNELS_OF_LAYOUT.get(layout, ()):
+    if not _fits(layout, channels):
         raise RemoteProtocolError(
-            f"{where}: channels {channels:#x} in layout {layout}, bits {channels & ~KNOWN:#x} of them not known; "
-            f"wanted {int(ALWAYS):#x} or {int(ALWAYS | Channel.FORESEEN):#x} in layout 0, "
+            f"{where}: channels {channels:#x} in layout {layout}, bits {channels & ~int(KNOWN):#x} of them not known; "
+            f"wanted {int(ALWAYS):#x} and any of {int(OPTIONAL_OF_PLAIN):#x} in layout 0, "
             f"{int(ADAPTIVE):#x}, {int(RELIGHTABLE):#x} or {int(NOISY):#x} in 1"
         )
+    depths, named = bool(channels & Channel.DEPTH), bool(channels & Channel.OBJECT_ID)
+    if objects and not named:
+        raise RemoteProtocolError(f"{where}: a table of {objects} objects without the channel of objects")
     if layout == COMPACT and codec != Codec.ZSTD:
         raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; wanted 2, zstd")
     rect = Rect(x=x, y=y, width=width, height=height)
     if layout == PLAIN:
-        raw = expand(body, codec, plain_body.size_of(n, objects), where)
-        samples = plain_body.unpack(raw, n, rect=rect, depth_base=base, depth_bits=bits, span=span)
+        raw = expand(body, codec, plain_body.size_of(n, objects, depths=depths, objects=named), where)
+        samples = plain_body.unpack(
+            raw, n, rect=rect, depth_base=base, depth_bits=bits, span=span, depths=depths, objects=named
+        )
     else:
         samples = compact_body.unpack(
             body, n, objects, rect=rect, depth_code=(base, bits), span=span, relightable=channels == RELIGHTABLE,
@@ -192,9 +204,27 @@ def decode(data: bytes | memoryview) -> Batch:
         adaptive=layout == COMPACT,
         relightable=channels == RELIGHTABLE,
         noisy=channels == NOISY,
+        depths=depths,
+        objects=named,
         foreseen=bool(channels & Channel.FORESEEN),
         edits=Edits(edit) if edit else NO_EDITS,
     )
+
+
+def _plain_channels(batch: Batch) -> Channel:
+    """What a plain packet of a batch says of each sample."""
+    of_each = ((Channel.DEPTH, batch.depths), (Channel.OBJECT_ID, batch.objects), (Channel.FORESEEN, batch.foreseen))
+    channels = ALWAYS
+    for channel, sent in of_each:
+        channels |= channel if sent else Channel(0)
+    return channels
+
+
+def _fits(layout: int, channels: int) -> bool:
+    """Whether a body of that layout may have these channels."""
+    if layout == PLAIN:
+        return channels & ~int(OPTIONAL_OF_PLAIN) == ALWAYS  # an IntFlag's own complement lacks bits not known
+    return layout == COMPACT and channels in (ADAPTIVE, RELIGHTABLE, NOISY)
 
 
 def _sane(base_time: float, span: float, blend: float) -> bool:

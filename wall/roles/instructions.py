@@ -51,6 +51,7 @@ class Work:
     compared: int = 0  # of those: by the second of two samplers
     secondary_rays: int = 0
     bad_samples: int = 0  # their radiance was not finite
+    too_bright: int = 0  # more light than a packet carries; cut off there
     samples_per_pixel: int = 0  # of the progressive sampler's stage that is shown
     square_error: float = 0.0  # estimate of its mean squared error, display codes of 8 bits
     answers: tuple[float, ...] = ()  # seconds from the newest inputs until it began to trace for them
@@ -65,6 +66,7 @@ def total(work: Iterable[Work]) -> Work:
         compared=sum(w.compared for w in each),
         secondary_rays=sum(w.secondary_rays for w in each),
         bad_samples=sum(w.bad_samples for w in each),
+        too_bright=sum(w.too_bright for w in each),
     )
 
 

@@ -242,7 +242,7 @@ class Renderer:
             number = image.number
         shown = self.image.composition if self.image is not None else None
         dropped = shown.drops() if shown is not None else Counter[str]()
-        dropped += Counter(not_finite=done.bad_samples, bad_message=self._bad_messages)
+        dropped += Counter(not_finite=done.bad_samples, too_bright=done.too_bright, bad_message=self._bad_messages)
         samples_of, time_of, refreshes_of = self._of_views()
         return Heartbeat(
             rank=self._rank,

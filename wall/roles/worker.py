@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from wall.config.sampling import AdaptiveSampling, FramedSampling, HilbertSampli
 from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Float32, Region, Samples
 from wall.geometry.cameras import PanelView
-from wall.packets.samples import Codec, encode
+from wall.packets.samples import TOO_BRIGHT, Codec, decode, encode
 from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
 from wall.roles.instructions import Work
 from wall.roles.plan import Plan
@@ -62,6 +63,8 @@ class Worker:
         eye, coherent = self._panel_view.eye, self.sampler.coherent
         self._tracer = Tracer(tracer_scene, panel, eye, coherent=coherent, seen=seen)
         self._relightable, self._noisy = tracer_scene.needs.relighting, tracer_scene.needs.paths
+        self._depths, self._objects = layout.graph.fields_of(layout.layer(region))
+        self._cut_off = Counter[str]()
         self._placed: Event | None = None
         self._answered: tuple[int, int] | None = None  # number of the newest event that was traced
         self._answers: tuple[float, ...] = ()
@@ -78,7 +81,22 @@ class Worker:
         batch = self.trace(newest)
         if batch is None:
             return None
-        return encode(batch, self._codec) if len(batch.samples) else b""
+        return self._encoded(batch, self._codec) if len(batch.samples) else b""
+
+    def keep(self, newest: Event) -> Batch | None:
+        """Traces one batch that does not travel: rounded as one that does, so pixels have the same bits either way.
+
+        Only that of the adaptive sampler, whose images are rounded by nothing else, keeps its own values.
+        """
+        batch = self.trace(newest)
+        if batch is None or batch.adaptive or not len(batch.samples):
+            return batch
+        return decode(self._encoded(batch, Codec.NONE))
+
+    def _encoded(self, batch: Batch, codec: Codec) -> bytes:
+        packet = encode(batch, codec, self._cut_off)
+        self.work = replace(self.work, too_bright=self._cut_off[TOO_BRIGHT])
+        return packet
 
     def trace(self, newest: Event) -> Batch | None:
         """Traces one batch at the newest event; returns None without targets."""
@@ -106,6 +124,7 @@ class Worker:
             compared=self.work.compared + cost.primary * second,
             secondary_rays=self.work.secondary_rays + cost.shadow + cost.secondary,
             bad_samples=self.work.bad_samples + cost.bad,
+            too_bright=self.work.too_bright,
             samples_per_pixel=chosen.samples_shown if isinstance(chosen, ProgressiveSampler) else 0,
             square_error=chosen.square_error if isinstance(chosen, ProgressiveSampler) else 0.0,
             answers=self._answers,
@@ -129,6 +148,8 @@ class Worker:
             camera=event.camera,
             scene_time=event.scene_time,
             adaptive=isinstance(chosen, AdaptiveRenderer),
+            depths=self._depths or isinstance(chosen, AdaptiveRenderer),
+            objects=self._objects or isinstance(chosen, AdaptiveRenderer),
             foreseen=self._foreseen == event.number and not isinstance(chosen, AdaptiveRenderer),
             relightable=self._relightable,
             noisy=self._noisy,

@@ -11,7 +11,7 @@ from time import thread_time
 from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region
 from wall.core.errors import RunError, WallError
-from wall.packets.samples import decode, encode
+from wall.packets.samples import decode
 from wall.roles.instructions import Restart, Trace, Traced
 from wall.roles.plan import Plan
 from wall.roles.renderer_image import OwnImage, RendererImage
@@ -79,7 +79,7 @@ class Tracers:
         for lost in trace.lost:
             worker.forget(decode(lost))
         try:
-            traced = _kept(worker.trace(trace.event)) if trace.keep else worker.step(trace.event)
+            traced = worker.keep(trace.event) if trace.keep else worker.step(trace.event)
         except WallError:
             raise
         except Exception as error:
@@ -129,11 +129,3 @@ class Tracers:
         """End the threads."""
         if self._pool is not None:
             self._pool.shutdown(wait=True)
-
-
-def _kept(batch: Batch | None) -> Batch | None:
-    """A batch that does not travel: rounded as one that does, so that pixels have the same bits either way.
-
-    Only that of the adaptive sampler, whose images are rounded by nothing else, keeps its own values.
-    """
-    return batch if batch is None or batch.adaptive or not len(batch.samples) else decode(encode(batch))

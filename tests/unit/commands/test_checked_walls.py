@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from wall.commands.check import check, on_the_cpu, reconstructions, tracers
+from wall.commands.fields import fields_of_packets
 from wall.config.loading import load
 from wall.core.errors import ConfigError
 from wall.roles.plan import make_layout, make_plan
@@ -70,6 +71,17 @@ def test_what_differs_between_views_is_said_of_each(tmp_path: Path) -> None:
     assert [line.split(":")[0] for line in (*tracers(make_plan(one)), *reconstructions(one))] == [
         "tracer", "reconstruction",
     ]  # fmt: skip
+
+
+def test_the_fields_of_packets_are_said_with_what_is_left_out(tmp_path: Path) -> None:
+    views = "views: [{id: main, panels: [a], sampling: {method: framed}}, {id: light, panels: [b]}]\n"
+    plan = make_plan(make_layout(load(written(tmp_path, CONFIG.replace("views: [{id: main}]\n", views)))))
+    plain, adaptive = fields_of_packets(plan)
+    assert plain.endswith(
+        ": colour, position, time, 8 bytes a sample before compression; "
+        "left out: depth and object, of which the graph makes nothing"
+    )
+    assert "depth, object, time, change, normal, light visibility (light changes); left out: albedo" in adaptive
 
 
 def test_wall_without_named_displays_has_no_table_of_them(tmp_path: Path) -> None:

@@ -49,6 +49,24 @@ def changed(*pairs: tuple[str, str]) -> str:
     return text
 
 
+def test_samples_bring_what_the_graph_makes_something_of_and_no_more() -> None:
+    """Depth where images are compared or moved by it, objects there and where nothing may show through."""
+    head = "graph:\n  nodes:\n    - {id: s0, op: samples, panel: r0c0}\n    - {id: s1, op: samples, panel: r0c1}\n"
+    sinks = "    - {id: a, op: sink, kind: png, input: p0}\n    - {id: b, op: sink, kind: png, input: p1}\n"
+
+    def fields(first: str, second: str = "") -> list[tuple[bool, bool]]:
+        given = zip("01", (first, second), strict=True)
+        nodes = [f"    - {{id: p{k}, op: reconstruct, input: s{k}{more}}}\n" for k, more in given]
+        graph = built(head + "".join(nodes) + sinks)
+        return [graph.fields_of(layer) for layer in graph.layers]
+
+    assert fields("") == [(False, False), (False, False)]
+    assert fields(", background: transparent", ", refresh_hz: 10") == [(False, True), (True, True)]
+    assert built(NODES).fields_of(built(NODES).layers[0]) == (False, False)
+    last = built("graph: {preset: sort-last, ranks_per_panel: 2}\n")
+    assert {last.fields_of(layer) for layer in last.layers} == {(True, True)}
+
+
 def test_preset_gives_each_panel_its_ranks_and_one_image() -> None:
     graph = built("graph: {preset: sort-first, ranks_per_panel: 3, sinks: [png, recorder]}\n")
 

@@ -291,6 +291,6 @@ def test_channels_that_are_not_known_are_refused(channels: int) -> None:
     changed = bytearray(packet_of(6))
     changed[8:10] = channels.to_bytes(2, "little")
     with pytest.raises(
-        RemoteProtocolError, match=f"channels {channels:#x} in layout 1.*wanted 0x1f or 0x21f in layout 0"
+        RemoteProtocolError, match=f"channels {channels:#x} in layout 1.*wanted 0xb and any of 0x214 in layout 0"
     ):
         decode(resealed(changed))

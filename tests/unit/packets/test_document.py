@@ -17,8 +17,19 @@ from wall.core.data import CHANNELS, SAMPLE, Camera, Edits, Event, Framelet, Rec
 from wall.packets import control
 from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, PLAIN, POSED, FrameletPart
 from wall.packets.kernels import compact_body as kernels
-from wall.packets.plain_body import BYTES_A_SAMPLE
-from wall.packets.samples import ADAPTIVE, ALWAYS, HEADER_BYTES, NOISY, RELIGHTABLE, Channel, decode, encode
+from wall.packets.plain_body import bytes_a_sample
+from wall.packets.samples import (
+    ADAPTIVE,
+    ALWAYS,
+    HEADER_BYTES,
+    NOISY,
+    OPTIONAL_OF_PLAIN,
+    RELIGHTABLE,
+    WITH_SURFACE,
+    Channel,
+    decode,
+    encode,
+)
 from wall.roles.early_batches import MOST_BATCHES
 
 PAGE = (Path(__file__).parents[3] / "docs" / "guide" / "packet_format.md").read_text()
@@ -106,8 +117,9 @@ def test_the_channels_and_columns_are_the_document_s() -> None:
     rows = re.findall(r"^\| (\d+) \| (\w+) \| \w+ samples", PAGE, re.MULTILINE)
     assert {name.upper(): int(bit) for bit, name in rows} == {channel.name: channel.value for channel in Channel}
     compact = f"{int(ADAPTIVE)}, {int(RELIGHTABLE)} or {int(NOISY)} in a compact one"
-    plain = f"{int(ALWAYS)} or {int(ALWAYS | Channel.FORESEEN)} in a plain body"
-    assert f"{plain}, {compact}" in PAGE
+    more = [str(channel.value) for channel in OPTIONAL_OF_PLAIN]
+    plain = f"{int(ALWAYS)} in a plain body, with any of {', '.join(more[:-1])} and {more[-1]} added"
+    assert f"{plain}; {compact}" in PAGE
     columns = PAGE[PAGE.index("| column |") :].split("\n\n", 1)[0]
     names = re.findall(r"^\| (\w+) \| n \|", columns, re.MULTILINE)
     assert [getattr(kernels, name.upper()) for name in names] == list(range(kernels.SURFACE_COLUMNS))
@@ -121,11 +133,11 @@ def test_the_header_s_byte_table_reads_the_example() -> None:
     data = dumped("samples")
     fields = read(table("## Sample packets"), data)
     assert fields["size"] == HEADER_BYTES == 170
-    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 6, 1, 0)
-    assert (fields["layout"], fields["channels"], fields["objects"]) == (0, ALWAYS, 0)
+    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 7, 1, 0)
+    assert (fields["layout"], fields["channels"], fields["objects"]) == (0, WITH_SURFACE, 0)
     assert {name: fields[name] for name in EXAMPLE["header"]} == EXAMPLE["header"]
     assert {name: fields[name] for name in EXAMPLE["rect"]} == EXAMPLE["rect"]
-    assert (fields["count"], fields["length"]) == (3, 3 * BYTES_A_SAMPLE)
+    assert (fields["count"], fields["length"]) == (3, 3 * bytes_a_sample(depths=True, objects=True))
     assert len(data) == fields["size"] + fields["length"]
     assert (fields["depth_base"], fields["depth_bits"]) == (127 + 2, 15)  # 4 = 2^2 and 7.3 share an octave
 

@@ -16,6 +16,8 @@ from wall.packets.samples import HEADER_BYTES, Codec, decode, encode
 
 COUNT_AT, OBJECTS_AT, CODEC_AT = 82, 86, 6
 PACKETS = {codec: encode(batch_of(plain_samples(2)), codec) for codec in Codec}
+BARE = {codec: encode(batch_of(plain_samples(2), depths=False, objects=False), codec) for codec in Codec}
+CHANNELS_AT = 8
 
 
 def refused_or_sane(data: bytes) -> bool:
@@ -58,9 +60,29 @@ def test_bytes_after_the_packet_are_refused() -> None:
         decode(PACKETS[Codec.NONE] + b"\0")
 
 
+@pytest.mark.parametrize("channels", [*range(11), 15, 19, 23, 27, 43, 1024 | 11, 543])
 @pytest.mark.parametrize("codec", Codec)
-def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(codec: Codec) -> None:
-    packet, accepted = PACKETS[codec], 0
+def test_a_packet_with_other_channels_than_its_body_has_is_refused(codec: Codec, channels: int) -> None:
+    """A bare body's are 11: position, radiance, time. A compressed body may be of any length."""
+    changed = bytearray(BARE[codec])
+    struct.pack_into("<H", changed, CHANNELS_AT, channels)
+    with pytest.raises(RemoteProtocolError):
+        decode(resealed(changed))
+
+
+def test_a_table_of_objects_that_are_not_sent_is_refused() -> None:
+    changed = bytearray(BARE[Codec.NONE] + bytes(4))
+    struct.pack_into("<I", changed, OBJECTS_AT, 1)
+    with pytest.raises(RemoteProtocolError, match="without the channel of objects"):
+        decode(resealed(changed))
+
+
+@pytest.mark.parametrize("packets", [PACKETS, BARE], ids=["whole", "bare"])
+@pytest.mark.parametrize("codec", Codec)
+def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(
+    codec: Codec, packets: dict[Codec, bytes]
+) -> None:
+    packet, accepted = packets[codec], 0
     for offset in [*range(LENGTH_AT), *range(LENGTH_AT + 4, CHECKSUM_AT), *range(HEADER, len(packet))]:
         for value in (0, 1, 2, 0x3F, 0x40, 0x7F, 0x80, 0xC0, 0xFE, 0xFF):
             changed = bytearray(packet)
@@ -76,7 +98,7 @@ def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(cod
         (50, "d", float("nan")), (50, "d", float("inf")), (58, "f", -1.0), (58, "f", float("nan")), (58, "f", 1e6),
         (62, "f", 0.0), (62, "f", 1.5), (62, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
         (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (OBJECTS_AT, "I", 1), (OBJECTS_AT, "I", 2**32 - 1),
-        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 5), (4, "B", 7), (7, "B", 1), (7, "B", 2), (8, "H", 63),
+        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 6), (4, "B", 8), (7, "B", 1), (7, "B", 2), (8, "H", 63),
         (8, "H", 1 << 8 | 31), (94, "d", float("nan")), (102, "d", float("inf")), (126, "d", float("nan")),
         (126, "d", 1.0 + 2e-6), (126, "d", 0.0), (150, "d", 1.0), (150, "d", 1e300), (34, "Q", 2**60),
         (42, "Q", 2**64 - 1), (66, "Q", 2**60), (158, "Q", 2**60),

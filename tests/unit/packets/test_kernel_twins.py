@@ -113,7 +113,7 @@ def test_both_count_what_lies_outside() -> None:
 def test_depth_range_is_that_of_the_usable_samples() -> None:
     samples = moved_samples(200)
     finite = np.float64(samples["depth"][np.isfinite(samples["depth"])])
-    low, high, latest, bad = kernels.depth_range(samples)
+    low, high, latest, bad, _ = kernels.depth_range(samples)
     assert (low, high) == tuple(int(np.floor(np.log2(d))) + 127 for d in (finite.min(), finite.max()))
     assert (latest, bad) == (samples["time"].max(), 0)
 
@@ -122,7 +122,7 @@ def test_depth_range_of_nothing_and_of_sky_alone_is_empty() -> None:
     sky = np.zeros(3, SAMPLE)
     sky["depth"] = np.inf
     for samples in (sky[:0], sky):
-        low, high, latest, bad = kernels.depth_range(samples)
+        low, high, latest, bad, _ = kernels.depth_range(samples)
         assert low > high
         assert (latest, bad) == (0.0, 0)
 
@@ -131,6 +131,6 @@ def test_depth_range_counts_unusable_samples() -> None:
     samples = plain_samples(8)
     samples["radiance"][0, 2], samples["depth"][1], samples["time"][2] = np.nan, -1.0, np.inf
     samples["depth"][3], samples["radiance"][3, 0] = 1e30, np.inf
-    low, high, _, bad = kernels.depth_range(samples)
+    low, high, _, bad, _ = kernels.depth_range(samples)
     assert bad == 4
     assert 127 <= low <= high < 127 + 10  # the unusable depth of 1e30 does not widen the range

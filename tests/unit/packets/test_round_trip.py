@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -12,8 +13,7 @@ from packet_examples import batch_of, batches, check_bounds, check_sane, plain_s
 
 from wall.core.data import SAMPLE, Batch, Rect
 from wall.core.errors import LocalProtocolError
-from wall.packets.plain_body import BYTES_A_SAMPLE
-from wall.packets.samples import HEADER_BYTES, Codec, decode, encode, is_samples
+from wall.packets.samples import HEADER_BYTES, TOO_BRIGHT, Codec, decode, encode, is_samples
 
 HEADER_FIELDS = [name for name in Batch.__dataclass_fields__ if name != "samples"]
 
@@ -39,9 +39,29 @@ def test_a_packet_of_the_most_samples_comes_back(compiled_only: None) -> None:
     check_bounds(batch, decode(encode(batch, Codec.LZ4)))
 
 
-def test_a_sample_takes_twelve_bytes_before_compression() -> None:
-    assert BYTES_A_SAMPLE == 12
-    assert len(encode(batch_of(plain_samples(100)))) == HEADER_BYTES + 1200
+@pytest.mark.parametrize(
+    ("depths", "objects", "size"), [(True, True, 12), (True, False, 10), (False, True, 10), (False, False, 8)]
+)
+def test_a_sample_takes_8_bytes_before_compression_and_2_for_its_depth_and_its_object(
+    depths: bool, objects: bool, size: int
+) -> None:
+    samples = plain_samples(100)
+    packet = encode(batch_of(samples, depths=depths, objects=objects))
+    assert len(packet) == HEADER_BYTES + 100 * size
+    came = decode(packet).samples
+    assert (np.isinf(came["depth"]) == (np.isinf(samples["depth"]) if depths else True)).all()
+    assert (came["object_id"] == (samples["object_id"] if objects else 0)).all()
+
+
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_samples_with_more_light_than_packets_carry_are_counted(adaptive: bool) -> None:
+    samples, counters = plain_samples(6), Counter[str]()
+    samples["radiance"][0], samples["radiance"][1] = 65408.0, (0.0, 0.0, 65409.0)
+    samples["radiance"][2:4] = 1e30
+    packet = encode(batch_of(samples, adaptive=adaptive), counters=counters)
+    encode(batch_of(plain_samples(6), adaptive=adaptive), counters=counters)
+    assert counters == {TOO_BRIGHT: 3}
+    assert decode(packet).samples["radiance"].max() == pytest.approx(65408.0, rel=0.0045)
 
 
 @pytest.mark.parametrize("codec", Codec)

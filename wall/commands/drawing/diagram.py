@@ -24,7 +24,7 @@ SAME_M = 1e-5  # metres between corners of panels that count as one screen
 def diagram_of(layout: Layout, *, samples_per_s: float) -> Diagram:
     """The diagram of a layout. `samples_per_s`: expected of a rank, for the bytes of sample streams."""
     sampling, refresh_hz = layout.sampling, layout.config.views[0].refresh_hz
-    sample_bytes = bytes_a_sample(sampling.method, sampling.samples_per_batch)
+    sizes = sorted({_sample_bytes(layout, layer) for layer in layout.graph.layers})
     lock_step = " in lock step" if isinstance(layout.graph.sync, FrameSync) else ""
     return Diagram(
         name=Path(layout.loaded.path).name,
@@ -32,9 +32,10 @@ def diagram_of(layout: Layout, *, samples_per_s: float) -> Diagram:
         screens=_screens(layout),
         processes=_processes(layout),
         boxes=_boxes(layout),
-        edges=tuple(_edges(layout, samples_per_s, sample_bytes)),
+        edges=tuple(_edges(layout, samples_per_s)),
         assumptions=(
-            f"samples: {si(samples_per_s, ' samples/s')} a rank, {sample_bytes:.3g} bytes each ({sampling.method})",
+            f"samples: {si(samples_per_s, ' samples/s')} a rank, {' or '.join(f'{size:.3g}' for size in sizes)} bytes "
+            f"each ({sampling.method})",
             f"framelets: whole, {refresh_hz:g} a second{lock_step}, before compression; a still view sends less",
         ),
     )
@@ -167,7 +168,13 @@ def _most_samples(layout: Layout, layer: Layer) -> float:
     return math.inf if layer.samples_hz is None else layer.samples_hz * width * height / len(layer.ranks)
 
 
-def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterator[Edge]:
+def _sample_bytes(layout: Layout, layer: Layer) -> float:
+    """Bytes that a sample of a layer takes on the wire."""
+    sampling, (depths, objects) = layout.sampling, layout.graph.fields_of(layer)
+    return bytes_a_sample(sampling.method, sampling.samples_per_batch, depths=depths, objects=objects)
+
+
+def _edges(layout: Layout, samples_per_s: float) -> Iterator[Edge]:
     """Every edge. A framelet is sent to a process once: the first edge has its bytes, others to that process none."""
     graph, refresh_hz = layout.graph, layout.config.views[0].refresh_hz
     layers = {layer.samples: layer for layer in graph.layers}
@@ -176,8 +183,8 @@ def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterato
         for name in step.node.sources:
             if name in layers:
                 share = _share(layout, layers[name])
-                most = _most_samples(layout, layers[name])
-                amount = samples_traffic(len(layers[name].ranks), min(share * samples_per_s, most), sample_bytes)
+                rate = min(share * samples_per_s, _most_samples(layout, layers[name]))
+                amount = samples_traffic(len(layers[name].ranks), rate, _sample_bytes(layout, layers[name]))
                 yield Edge(start=name, end=step.node.id, bytes_per_s=amount, crosses=True)
                 continue
             giver = graph.step(name)

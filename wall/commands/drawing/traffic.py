@@ -6,7 +6,7 @@ A still view sends less, down to nothing: samplers stop when the image is comple
 from __future__ import annotations
 
 from wall.core.data import Channels
-from wall.packets.plain_body import BYTES_A_SAMPLE
+from wall.packets import plain_body
 from wall.packets.samples import HEADER_BYTES
 
 COMPACT_BYTES_A_SAMPLE = 6.5  # adaptive, header included: the limit of `adaptive_bytes`, docs/guide/measuring.md
@@ -15,17 +15,18 @@ LINEAR_BYTES = 12  # a pixel of three float32
 CHANNEL_BYTES = 4  # a pixel of any other channel: float32 or uint32
 
 
-def bytes_a_sample(method: str, samples_per_batch: int) -> float:
+def bytes_a_sample(method: str, samples_per_batch: int, *, depths: bool, objects: bool) -> float:
     """Bytes that a sample takes on the wire, its share of the packet's header included.
 
     Parameters
     ----------
     method : sampling method; "adaptive" sends the compact body, all others the plain one
     samples_per_batch : samples of one packet
+    depths, objects : whether plain samples bring them, see Graph.fields_of
     """
     if method == "adaptive":
         return COMPACT_BYTES_A_SAMPLE
-    return BYTES_A_SAMPLE + HEADER_BYTES / samples_per_batch
+    return plain_body.bytes_a_sample(depths=depths, objects=objects) + HEADER_BYTES / samples_per_batch
 
 
 def samples_traffic(ranks: int, samples_per_s: float, sample_bytes: float) -> float:

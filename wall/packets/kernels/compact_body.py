@@ -109,16 +109,16 @@ def encode(samples, rect, curve, noisy, columns, objects):
 
     Returns
     -------
-    known, base, latest, bad, outside : objects; depth base; seconds of the last time code; samples that are not usable
-    (see depth_range) or not in the rectangle, with any of which nothing is written
+    known, base, latest, bad, outside, bright : objects; depth base; seconds of the last time code; samples that are not
+    usable or not in the rectangle, with any of which nothing is written; samples with too much light (see depth_range)
     """
     n = samples.shape[0]
-    low, high, latest, bad = depth_range(samples)
+    low, high, latest, bad, bright = depth_range(samples)
     base = low if low <= high else 0
     positions, ids = np.empty(n, np.uint32), np.empty(n, np.uint32)
     outside = find_keys(samples, rect, positions, ids)
     if bad or outside:
-        return np.int64(0), base, latest, bad, outside
+        return np.int64(0), base, latest, bad, outside, bright
     order = sorted_by(ids, sorted_by(positions, np.arange(n)))
     per_second = ZERO if latest < SHORTEST_SPAN_S else np.float32(TIME_STEPS) / latest
     shift, origin = 23 - DEPTH_BITS, base << 23
@@ -157,7 +157,7 @@ def encode(samples, rect, curve, noisy, columns, objects):
             take_changed_bits(columns[c])
         elif c != CHANGE:
             take_differences(columns[c])
-    return known, base, latest, bad, outside
+    return known, base, latest, bad, outside, bright
 
 
 @inline_kernel

@@ -1,4 +1,4 @@
-"""Pack samples into 12 bytes and back, one pass each; only integer operations on the float's own bits."""
+"""Pack samples into 8 to 12 bytes and back, one pass each; only integer operations on the float's own bits."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Planes(NamedTuple):
     colours: NDArray[np.uint32]  # (n,)
     xs: NDArray[np.uint16]  # (n,) position, time code above it
     ys: NDArray[np.uint16]  # (n,) position
-    depths: NDArray[np.uint16]  # (n,)
-    objects: NDArray[np.uint16]  # (n,) object ids, or their indices in the packet's table
+    depths: NDArray[np.uint16]  # (n,), or none: depths are not sent
+    objects: NDArray[np.uint16]  # (n,) object ids, or their indices in the packet's table; or none: they are not sent
 
 
 @inline_kernel
@@ -57,13 +57,13 @@ def shared_exponent(r, g, b):
 
 @kernel
 def depth_range(samples):
-    """The smallest and largest float32 exponent of the finite depths, the latest time, how many samples are unusable.
+    """The smallest and largest float32 exponent of the finite depths, the latest time, what cannot be sent as it is.
 
-    samples : (n,) SAMPLE. Returns (low, high, latest, bad): low > high if no depth is finite; latest in seconds after
-    the base time, 0 for n = 0; bad counts samples whose radiance is not finite, or whose depth or time is negative or
-    NaN, or whose time is MAX_SPAN_S or later.
+    samples : (n,) SAMPLE. Returns (low, high, latest, bad, bright): low > high if no depth is finite; latest in seconds
+    after the base time, 0 for n = 0; bad counts samples whose radiance is not finite, or whose depth or time is
+    negative or NaN, or whose time is MAX_SPAN_S or later; bright those with a channel above LARGEST_COLOUR.
     """
-    low, high, latest, bad = 255, 0, np.float32(0.0), 0
+    low, high, latest, bad, bright = 255, 0, np.float32(0.0), 0, 0
     for k in range(samples.shape[0]):
         r, g, b = samples[k]["radiance"][0], samples[k]["radiance"][1], samples[k]["radiance"][2]
         depth, time = samples[k]["depth"], samples[k]["time"]
@@ -71,11 +71,13 @@ def depth_range(samples):
         if not (finite and depth >= 0.0 and time >= 0.0 and time < MAX_SPAN_S):
             bad += 1
             continue
+        if r > LARGEST_COLOUR or g > LARGEST_COLOUR or b > LARGEST_COLOUR:
+            bright += 1
         latest = max(latest, time)
         exponent = np.int64(np.float32(depth).view(np.int32) >> 23)
         if exponent < 255:
             low, high = min(low, max(exponent, 1)), max(high, max(exponent, 1))
-    return low, high, latest, bad
+    return low, high, latest, bad, bright
 
 
 @bit_kernel
@@ -87,7 +89,7 @@ def pack(samples, rect, scales, planes):
     samples : (n,) SAMPLE, inside the rectangle, usable (see depth_range)
     rect : (x, y, width, height), panel pixels
     scales : Scales
-    planes : Planes of n numbers; all but `objects` are written
+    planes : Planes of n numbers; all but `objects` are written, `depths` only if there are any
 
     Returns
     -------
@@ -101,6 +103,7 @@ def pack(samples, rect, scales, planes):
     origin = scales.depth_base << 23
     span = np.float32(scales.time_span)
     per_second = np.float32(0.0) if span < SHORTEST_SPAN_S else np.float32(TIME_STEPS) / span
+    deep = planes.depths.shape[0] > 0
     for k in range(samples.shape[0]):
         r, g, b = samples[k]["radiance"][0], samples[k]["radiance"][1], samples[k]["radiance"][2]
         planes.colours[k] = shared_exponent(r, g, b)
@@ -112,6 +115,8 @@ def pack(samples, rect, scales, planes):
         time = np.int32(min(max(time, 0), TIME_STEPS))
         planes.xs[k] = np.uint16(np.int32(dx * x_scale) | (time << POSITION_BITS))
         planes.ys[k] = np.uint16(np.int32(dy * y_scale))
+        if not deep:
+            continue
         bits = np.int64(np.float32(samples[k]["depth"]).view(np.int32))
         if bits >= INFINITY_BITS:
             planes.depths[k] = np.uint16(INFINITE_DEPTH)
@@ -122,8 +127,11 @@ def pack(samples, rect, scales, planes):
 
 @bit_kernel
 def unpack(planes, rect, scales, samples):
-    """The inverse of pack(). rect : (x, y, width, height). Returns how many positions lie outside the rectangle."""
-    outside = 0
+    """The inverse of pack(). rect : (x, y, width, height). Returns how many positions lie outside the rectangle.
+
+    Depths that were not sent are infinite.
+    """
+    outside, deep = 0, planes.depths.shape[0] > 0
     x0, y0, width, height = rect
     x_step, y_step = np.float32(1.0 / (1 << scales.x_bits)), np.float32(1.0 / (1 << scales.y_bits))
     shift, origin = 23 - scales.depth_bits, scales.depth_base << 23
@@ -142,7 +150,7 @@ def unpack(planes, rect, scales, samples):
             outside += 1
         samples[k]["xy"][0], samples[k]["xy"][1] = px, py
         samples[k]["time"] = np.float32(x >> POSITION_BITS) * step
-        depth = np.int64(planes.depths[k])
+        depth = np.int64(planes.depths[k]) if deep else np.int64(INFINITE_DEPTH)
         if depth == INFINITE_DEPTH:
             samples[k]["depth"] = np.float32(np.inf)
         else:

@@ -6,6 +6,7 @@ The worst values of a quantised field lie at the borders between codes, so these
 from __future__ import annotations
 
 import math
+from collections import Counter
 from functools import partial
 from typing import Any
 
@@ -17,10 +18,11 @@ from wall.core.errors import LocalProtocolError
 from wall.packets.colour_curve import linear_colours
 from wall.packets.kernels import compact_body, plain_body
 from wall.packets.kernels.colour_codes import dither, dither_bits
-from wall.packets.samples import MAX_SAMPLES, decode, encode
+from wall.packets.samples import MAX_SAMPLES, TOO_BRIGHT, decode, encode
 from wall.study.accuracy.case import Case, Found
 
 RECT = Rect(x=0, y=0, width=256, height=256)
+COMPACT_CODES = 0.51  # that a compact colour is off by at most, see docs/guide/packet_format.md
 BROKEN = (math.nan, math.inf, -math.inf, -1.0, 1e-45, -0.0, 3.4e38)  # -1 and 3.4e38: numbers, but not every field's
 
 
@@ -156,12 +158,29 @@ def _directions(codes: NDArray[np.int8]) -> Float64:
 
 
 def light_range(adaptive: bool, count: int) -> Found:
-    """Largest relative error of grey light from 1e-6 to 1e6, beyond what half a code of black is."""
+    """Largest relative error of grey light from 1e-6 to 1e6, beyond half a code where codes are not of equal ratio.
+
+    That is the last code of the plain layout, and those of the compact one below 1, which are those of sRGB.
+
+    Light above what packets carry is to arrive as the most that they carry, and to be counted by who sends it.
+    """
     values = np.geomspace(1e-6, 1e6, count).astype(np.float32)
     came = through(_samples(len(values), radiance=values[:, None]), adaptive=adaptive)["radiance"][:, 0]
-    black = linear_colours()[1] / 2 if adaptive else 2.0**-25
-    beyond = np.maximum(np.abs(came.astype(np.float64) - values) - black, 0.0) / values
-    return Found(figure=float(beyond.max()), note=f"1e6 arrives as {came[-1]:,.0f}, 1e-6 as {came[0]:.3g}")
+    carried = np.minimum(values, np.float32(plain_body.LARGEST_COLOUR)).astype(np.float64)
+    even = np.where(carried < 1.0, COMPACT_CODES * _step_at(carried), 0.0) if adaptive else 2.0**-25
+    beyond = np.maximum(np.abs(came - carried) - even, 0.0) / carried
+    counters, above = Counter[str](), int((values > plain_body.LARGEST_COLOUR).sum())
+    encode(_batch(_samples(count, radiance=values[:, None]), adaptive=adaptive), counters=counters)
+    counted = counters[TOO_BRIGHT]
+    note = f"1e6 arrives as {came[-1]:,.0f}, 1e-6 as {came[0]:.3g}; {counted} of {above} above are counted"
+    return Found(figure=float(beyond.max()) if counted == above else math.inf, note=note)
+
+
+def _step_at(light: Float64) -> Float64:
+    """(n,) the code of the compact curve above that of light (n,), its width in light; they grow with light."""
+    curve = linear_colours()
+    code = np.interp(light, curve, np.arange(len(curve))).astype(int)
+    return np.asarray(np.diff(curve)[np.minimum(code + 1, len(curve) - 2)], np.float64)
 
 
 def broken_numbers(_: int) -> Found:
@@ -274,8 +293,9 @@ CASES = (
             scene="Grey light from 1e-6 to 1e6", measure=partial(light_range, kind == "compact"), size=4096, small=256,
         )
         for kind, bound, reason in (
-            ("plain", 1 / 511, "half a step of nine bits"),
-            ("compact", 2 ** (0.51 / 80) - 1, "half a code of 80 an octave"),
+            ("plain", 1 / 511, "half a step of nine bits up to 65,408; light above is cut off there, and counted"),
+            ("compact", 2 ** (COMPACT_CODES / 80) - 1, "half a code of 80 an octave up to 65,408; light "
+             "above is cut off there, and counted"),
         )
     ),
     Case(

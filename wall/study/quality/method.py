@@ -131,11 +131,16 @@ class MeteredTracer:
         coherent: bool,
         adaptive: bool = False,
         sends: bool = True,
+        surfaces: bool = True,
         receive: Callable[[Batch], None] | None = None,
     ) -> None:
-        """`adaptive` chooses the packets' layout. Without `sends` there are none. `receive` gets them decoded."""
+        """`adaptive` chooses the packets' layout. Without `sends` there are none. `receive` gets them decoded.
+
+        Without `surfaces` plain samples bring neither depths nor objects.
+        """
         self._tracer, self._rect = setup.tracer(coherent=coherent), setup.rect
         self._adaptive, self._sends, self._receive = adaptive, sends, receive
+        self._surfaces = surfaces
         self._relightable = adaptive and setup.tracer_scene.needs.relighting
         self._noisy = adaptive and setup.tracer_scene.needs.paths
         self._sequence = 0
@@ -190,6 +195,7 @@ class MeteredTracer:
                 scene_event=event.scene_event, base_time=time, samples=samples[first : first + size], frame=frame,
                 frame_samples=frame_samples, skipped=0 if first else dropped, blend=blend, camera=event.camera,
                 scene_time=event.scene_time, adaptive=self._adaptive, relightable=self._relightable, noisy=self._noisy,
+                depths=self._adaptive or self._surfaces, objects=self._adaptive or self._surfaces,
             )  # fmt: skip
             packet = encode(batch, Codec.ZSTD)
             self.bytes += len(packet)

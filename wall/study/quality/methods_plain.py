@@ -27,7 +27,7 @@ class SamplerMethod:
 
     def __init__(self, setup: Setup, sampler: Sampler) -> None:
         self._rate, self._sampler, self._inputs = setup.rate, sampler, Inputs(setup.plan)
-        self._tracer = MeteredTracer(setup, coherent=sampler.coherent, receive=self._insert)
+        self._tracer = MeteredTracer(setup, coherent=sampler.coherent, surfaces=False, receive=self._insert)
         self._buffer = PixelBuffer(*setup.size)
         self._frame: list[Batch] = []  # of double buffering, so far
         self._now = 0.0

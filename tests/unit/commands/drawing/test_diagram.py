@@ -49,6 +49,7 @@ def test_streams_carry_the_samples_of_all_their_ranks(sort_last: Diagram) -> Non
     of_a_rank = 2e6 * (12 + 170 / 1024)
     assert edge(sort_last, "a", "fa").bytes_per_s == pytest.approx(of_a_rank)
     assert edge(sort_last, "b", "fb").bytes_per_s == pytest.approx(2 * of_a_rank)
+    assert edge(sort_last, "c", "fc").bytes_per_s == pytest.approx(2e6 * (8 + 170 / 1024))  # colour alone is shown
 
 
 def test_a_framelet_that_depth_needs_carries_all_that_the_plan_sends(sort_last: Diagram) -> None:
@@ -100,7 +101,7 @@ def test_inputs_stand_before_those_who_need_them(sort_last: Diagram) -> None:
 
 
 def test_the_assumption_is_stated(sort_last: Diagram) -> None:
-    assert sort_last.assumptions[0] == "samples: 2 M samples/s a rank, 12.2 bytes each (frameless)"
+    assert sort_last.assumptions[0] == "samples: 2 M samples/s a rank, 8.17 or 12.2 bytes each (frameless)"
     assert "10 a second" in sort_last.assumptions[1]
 
 

@@ -9,13 +9,15 @@ from wall.commands.drawing.traffic import bytes_a_sample, framelet_traffic, samp
 COLOUR = frozenset({"colour"})
 
 
-def test_plain_samples_take_twelve_bytes_and_their_share_of_the_header() -> None:
-    """A packet of 4096 samples: a header of 170 bytes and 12 bytes each (docs/guide/packet_format.md)."""
-    assert bytes_a_sample("frameless", 4096) == pytest.approx((170 + 12 * 4096) / 4096, abs=1e-12)
+@pytest.mark.parametrize(("depths", "objects", "size"), [(True, True, 12), (True, False, 10), (False, False, 8)])
+def test_plain_samples_take_their_fields_and_their_share_of_the_header(depths: bool, objects: bool, size: int) -> None:
+    """A packet of 4096 samples: a header of 170 bytes and 8 to 12 bytes each (docs/guide/packet_format.md)."""
+    found = bytes_a_sample("frameless", 4096, depths=depths, objects=objects)
+    assert found == pytest.approx((170 + size * 4096) / 4096, abs=1e-12)
 
 
 def test_adaptive_samples_take_at_most_their_limit() -> None:
-    assert bytes_a_sample("adaptive", 2048) == 6.5
+    assert bytes_a_sample("adaptive", 2048, depths=True, objects=True) == 6.5
 
 
 def test_ranks_of_a_panel_add_up() -> None:
