@@ -249,11 +249,19 @@ def identify(
 
 
 @app.command()
-def check(config: ConfigArgument) -> None:
-    """Check a configuration, and say what would run where, with what, at what cost."""
+def check(
+    config: ConfigArgument,
+    costs: Annotated[
+        bool, typer.Option("--costs", help="Measure what each feature of the scene costs, by leaving it out")
+    ] = False,
+) -> None:
+    """Check a configuration, and say what would run where, with what, at what cost.
+
+    [bold]wall check configs/demo.yaml --costs[/]
+    """
     from wall.commands.check import check as check_config
 
-    for item in check_config(load_config(config)):
+    for item in check_config(load_config(config), costs=costs):
         console.print(item)
 
 

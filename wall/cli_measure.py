@@ -319,6 +319,23 @@ def noise(
 
 
 @measure.command()
+def features(
+    config: Annotated[Path, typer.Argument(help="A wall; its first view's scene is measured", show_default=False)],
+) -> None:
+    """Measure what features of a scene cost: first its triangles alone, then with one feature more in each row.
+
+    [bold]wall measure features configs/measure/features.yaml[/]
+    """
+    from wall.commands.costs import one_by_one
+    from wall.config.loading import load
+    from wall.roles.plan import make_layout, make_plan
+
+    with errors.status("compiling a tracer for each row, then measuring"):
+        table = one_by_one(make_plan(make_layout(load(config))))
+    console.print(table)
+
+
+@measure.command()
 def accuracy(
     only: Annotated[str, typer.Option(help="Cases by name or pattern, such as 'far_*,scale_*'")] = "",
     long: Annotated[bool, typer.Option("--long", help="Some cases larger: takes many minutes")] = False,

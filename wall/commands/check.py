@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table
 
+from wall.commands.costs import costs_of, left_out, table_of
 from wall.commands.expectations import expected
 from wall.commands.fields import fields_of_packets
 from wall.commands.terminal import si
@@ -20,15 +21,17 @@ from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout,
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
 from wall.scene.build import sources_of
-from wall.scene.needs import describe, needs
 from wall.tracing.tracer_scene import make_tracer_scene
 
 MEASURED_S = 0.3  # seconds of tracing that the expected rate is measured in
 MOST_NAMES = 8  # of nodes in a line
 
 
-def check(loaded: Loaded) -> Iterator[str | Table]:
-    """Yield the report as lines and tables. Raises ConfigError where the configuration is refused."""
+def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
+    """Yield the report as lines and tables. Raises ConfigError where the configuration is refused.
+
+    `costs`: each feature of the first renderer's scene is measured, which takes some seconds for each, and compiles.
+    """
     layout = make_layout(loaded)
     check_files(layout)
     plan = make_plan(layout)
@@ -46,7 +49,8 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
         f"{len(scene.point_lights)} point, {len(scene.spot_lights)} spot and {len(scene.directional_lights)} "
         "directional lights"
     )
-    yield from tracers(plan)
+    if not costs:
+        yield from tracers(plan)
     for note in (*layout.notes, *scene.notes):
         yield f"note: {note}"
     yield launch_line(layout, os.cpu_count() or 1)
@@ -55,6 +59,8 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     yield from reconstructions(layout)
     yield from at_renderers(layout)
     yield from fields_of_packets(plan)
+    if costs:
+        yield from measured_features(plan)
     rate, size = measured_rate(plan)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
@@ -80,10 +86,22 @@ def _described(view: ViewConfig) -> str:
     return ", ".join([f"{view.id} at {view.refresh_hz:g} Hz with weight {view.weight:g}", *own])
 
 
-def tracers(plan: Plan) -> Iterator[str]:
-    """A line about what is compiled in for each integrator, and the views that have it."""
+def tracers(plan: Plan) -> Iterator[str | Table]:
+    """A table of features for each integrator, with the views that have it, and a line of what is left out."""
     for view, views in _alike([id(scene) for scene in plan.scenes], plan.layout):
-        yield f"tracer{views}: {describe(needs(plan.scene_of(view)))}"
+        yield table_of(plan.scene_of(view), f"features{views}")
+        yield left_out(plan.scene_of(view))
+
+
+def measured_features(plan: Plan) -> Iterator[str | Table]:
+    """The table of features of the first renderer's view, each of them measured by leaving it out."""
+    layout = plan.layout
+    rank = layout.renderers()[0]
+    found = dict(costs_of(plan))
+    whole = found.pop("")
+    yield f"costs: of rank {rank}; a sample of all features takes {whole.ns:.0f} ns of CPU, {whole.bytes:.2f} bytes"
+    yield table_of(plan.scene_of(layout.region(rank).view), "features, and what each takes", found)
+    yield left_out(plan.scene_of(layout.region(rank).view))
 
 
 def reconstructions(layout: Layout) -> Iterator[str]:

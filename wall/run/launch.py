@@ -64,7 +64,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         check_displays(window_panels(layout, range(layout.size)))
     machines = [""] * layout.size
     layout = reconstructed_at_renderers(layout, machines)
-    plan, tracer_scene = _prepare(layout, say)
+    plan, tracer_scene = _prepare(layout, say, headless=options.headless)
     if options.record is not None:
         begin_recording(options.record, plan)
 
@@ -107,7 +107,9 @@ def _run_mpi(
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     if not options.headless:
         check_displays(window_panels(layout, (bootstrap.rank,)))
-    plan, tracer_scene = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
+    plan, tracer_scene = _prepare(
+        layout, say if bootstrap.rank == HEAD else lambda line: None, headless=options.headless
+    )
     if options.record is not None and bootstrap.rank == HEAD:
         begin_recording(options.record, plan)
     preparer = Preparer(plan, by_rank)
@@ -146,13 +148,13 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
     )
 
 
-def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, TracerScene]:
+def _prepare(layout: Layout, say: Callable[[str], None], *, headless: bool) -> tuple[Plan, TracerScene]:
     say("loading the scene")
     plan = make_plan(layout)
     for note in plan.scene.notes:
         say(f"note: {note}")
     say("building the ray tracing trees")
     tracer_scene = make_tracer_scene(plan.scene)
-    warm_up(plan, tracer_scene, say)
+    warm_up(plan, tracer_scene, say, headless=headless)
     give_memory_back()
     return plan, tracer_scene

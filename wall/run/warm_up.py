@@ -16,7 +16,6 @@ from dataclasses import replace
 import numpy as np
 
 from wall.config.graph import SkyNode
-from wall.config.sampling import METHODS
 from wall.core.clock import ManualClock
 from wall.core.colour import srgb_curve
 from wall.core.data import SAMPLE, Batch, Framelet, Rect, Region
@@ -29,6 +28,7 @@ from wall.packets.samples import Codec, decode, encode
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan, first_event
 from wall.roles.sky import SkyLayer
+from wall.roles.status import samplers_of
 from wall.roles.timewarp import Timewarp
 from wall.roles.worker import Worker, make_samplers
 from wall.scene.needs import needs
@@ -36,18 +36,40 @@ from wall.scene.picking import Picking
 from wall.tracing.tracer_scene import TracerScene
 
 ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one may lack a few
+ADAPTIVE = "adaptive"  # last of all samplers: the second compiler has begun with it
 TINY = Rect(x=0, y=0, width=8, height=8)
 
 
-def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None], *, beside: bool = False) -> None:
-    """Run the chain on a few pixels with every sampler: a second from the cache, half a minute to compile.
+def usable_samplers(plan: Plan, *, headless: bool) -> tuple[str, ...]:
+    """The samplers that a run may come to use, `adaptive` last: those configured, and those that viewers may choose.
 
-    `beside`: while a wall runs in this process, which then must not fork.
+    `headless`: there are neither pages nor windows, and so no viewers.
     """
+    layout = plan.layout
+    methods: set[str] = {layout.sampling_of(view).method for view in range(len(plan.views))}
+    if not headless and (layout.graph.has_sink("browser") or layout.graph.has_sink("window")):
+        methods.update(samplers_of(plan))
+    return tuple(sorted(methods, key=lambda method: (method == ADAPTIVE, method)))
+
+
+def warm_up(
+    plan: Plan,
+    tracer_scene: TracerScene,
+    say: Callable[[str], None],
+    *,
+    headless: bool = False,
+    beside: bool = False,
+) -> None:
+    """Run the chain on a few pixels with every sampler in use: a second from the cache, half a minute to compile.
+
+    `headless`: see usable_samplers; `beside`: while a wall runs in this process, which then must not fork.
+    """
+    methods = usable_samplers(plan, headless=headless)
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
-    second = _second_compiler(plan) if doing == "compiling" and not beside else nullcontext()
+    apart = doing == "compiling" and not beside and ADAPTIVE in methods
+    second = _second_compiler(plan) if apart else nullcontext()
     with _one_compiler(), second:
-        for method in sorted(METHODS, key="adaptive".__eq__):  # last: the second compiler has begun with it
+        for method in methods:
             say(f"{doing} kernels ({method})")
             _one_pixel_block(plan, tracer_scene, method)
         say(f"{doing} kernels (compositing)")

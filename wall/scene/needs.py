@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from wall.scene.build import Scene
 
@@ -89,11 +89,3 @@ def needs(scene: Scene) -> Needs:
         and not scene.spot_lights  # objects know where lights are and which way is up, not how they are turned
         and scene.environment is None,
     )
-
-
-def describe(needs: Needs) -> str:
-    """One line for a reader: "compiled in: textures, ...; left out: mirrors, ..."."""
-    words = {field.name: field.name.replace("_", " ") for field in fields(needs)}
-    used = [word for name, word in words.items() if getattr(needs, name)]
-    unused = [word for name, word in words.items() if not getattr(needs, name)]
-    return f"compiled in: {', '.join(used) or 'nothing'}; left out: {', '.join(unused) or 'nothing'}"

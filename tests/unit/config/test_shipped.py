@@ -42,6 +42,7 @@ RANKS = {
     "graphs/sort_last_tree": 6,
     "measure/bounce": 5,
     "measure/cuts": 5,
+    "measure/features": 2,
     "measure/jerky": 5,
     "measure/lamps": 5,
     "measure/light": 5,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gltf_documents import SQUARE, document, loaded
+from gltf_documents import SQUARE, data_uri, document, loaded
 from PIL import Image
 from radiance_writer import write_hdr
 
@@ -62,7 +62,11 @@ views: [{camera: {position: [0, 0.2, 5], target: [0, 0.2, 0], fov: 32}}]
 
 @pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
 def test_a_textured_model_agrees(tmp_path: Path) -> None:
-    """Coloured and bumpy walls, a lamp with a picture, a pane with holes; each texture of another size."""
+    """Coloured and bumpy walls, a lamp with a picture, a pane with holes; each texture of another size, odd ones too.
+
+    Beyond their edges bumps repeat, paint is mirrored, holes end; not the lamp's picture, as Mitsuba aims at what lies
+    between 0 and 1 alone. Colours are sRGB.
+    """
     chance = np.random.default_rng(2)
     Image.fromarray(chance.integers(0, 256, (6, 5, 3)).astype(np.uint8)).save(tmp_path / "paint.png")
     bumps = chance.integers(70, 186, (4, 4, 3)).astype(np.uint8)
@@ -99,9 +103,15 @@ def test_a_textured_model_agrees(tmp_path: Path) -> None:
     found = document(
         materials, SQUARE, nodes=nodes,
         images=[{"uri": f"{name}.png"} for name in ("paint", "bumps", "picture", "holes")],
-        samplers=[{"wrapS": 33071, "wrapT": 33071}],
-        textures=[{"source": k, "sampler": 0} for k in range(4)],
+        samplers=[{"wrapS": way, "wrapT": way} for way in (33648, 10497, 33071, 33071)],  # mirrored, repeated, clamped
+        textures=[{"source": k, "sampler": k} for k in range(4)],
     )  # fmt: skip
+    beyond = (2.6 * SQUARE[1] - 0.8).astype(np.float32).tobytes()
+    found["buffers"].append({"byteLength": len(beyond), "uri": data_uri(beyond)})
+    found["bufferViews"].append({"buffer": 1, "byteLength": len(beyond)})
+    found["accessors"].append({"bufferView": 2, "componentType": 5126, "count": len(SQUARE[1]), "type": "VEC2"})
+    for mesh in (0, 1, 3):
+        found["meshes"][mesh]["primitives"][0]["attributes"]["TEXCOORD_0"] = 2
     loaded(tmp_path, found)
     (tmp_path / "room.yaml").write_text(TEXTURED, encoding="utf-8")
     row = compare(tmp_path / "room.yaml", spp=4096, out=tmp_path, say=lambda _: None)
