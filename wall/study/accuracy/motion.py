@@ -167,7 +167,8 @@ CASES = (
     ),
     Case(
         name="moving_objects", family=_FAMILY, unit="objects", bound=0.0,
-        reason="poses are float64, and a square is a third of a pixel wide: thousands of times the rounding of its place",
+        reason="poses are float64, and a square is a third of a pixel wide, thousands of times what its place is "
+        "rounded by",
         scene="4,960 objects that all move (--long: 20,000), each by itself into its own pixel",
         measure=moving_objects, size=80, small=80, long=160,
     ),
