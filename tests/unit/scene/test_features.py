@@ -91,3 +91,5 @@ def test_lights_that_stay_move_as_before_when_others_are_left_out() -> None:
     np.testing.assert_array_equal(points.point_positions, whole.point_positions)
     np.testing.assert_array_equal(spots.world_from_object, whole.world_from_object)
     assert whole.spot_positions[0, 1] == pytest.approx(3.0)
+    assert scene.tracks.bodies.tolist() == [1, 3, 4]  # an object, a point, the spot
+    assert without["point lights"]().tracks.bodies.tolist() == [1, 2]
