@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 from rich.console import RenderableType
 
-from wall.commands.terminal import console, errors, fail, parse_size
+from wall.commands.terminal import console, errors, fail, load_config, parse_size
 
 T = TypeVar("T")
 
@@ -319,20 +319,14 @@ def noise(
 
 
 @measure.command()
-def features(
-    config: Annotated[Path, typer.Argument(help="A wall; its first view's scene is measured", show_default=False)],
-) -> None:
+def features(config: Annotated[Path, typer.Argument(help="A wall; its first view", show_default=False)]) -> None:
     """Measure what features of a scene cost: first its triangles alone, then with one feature more in each row.
 
     [bold]wall measure features configs/measure/features.yaml[/]
     """
     from wall.commands.costs import one_by_one
-    from wall.config.loading import load
-    from wall.roles.plan import make_layout, make_plan
 
-    with errors.status("compiling a tracer for each row, then measuring"):
-        table = one_by_one(make_plan(make_layout(load(config))))
-    console.print(table)
+    console.print(one_by_one(load_config(config)))
 
 
 @measure.command()

@@ -13,7 +13,8 @@ from statistics import median
 
 from rich.table import Table
 
-from wall.roles.plan import Plan, first_event
+from wall.config.loading import Loaded
+from wall.roles.plan import Plan, first_event, make_layout, make_plan
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
 from wall.scene.build import Scene
@@ -115,8 +116,12 @@ def _measured(feature: Feature, costs: dict[str, Cost]) -> Sequence[str]:
     return f"{cost.ns:+.0f}", f"{cost.bytes:+.2f}"
 
 
-def one_by_one(plan: Plan) -> Table:
-    """The scene with one feature more in each row: what a sample takes, and its memory."""
+def one_by_one(loaded: Loaded) -> Table:
+    """The scene of a first view with one feature more in each row: what a sample takes, and its memory.
+
+    Raises ConfigError where the configuration is refused.
+    """
+    plan = make_plan(make_layout(loaded))
     rows = added_one_by_one(plan.scene)
     found = in_turn([Bench(plan, scene) for _, scene in rows])
     table = Table(title="one feature more in each row", title_justify="left")
