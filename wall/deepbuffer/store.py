@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32
+from wall.deepbuffer.kernels.accumulation import clear_tiles
 from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE
@@ -93,5 +94,4 @@ class PixelHistory(NamedTuple):
 
     def clear_accumulation(self) -> None:
         """Clear that of every pixel."""
-        self.accumulation[:] = 0.0
-        self.accumulating[:] = False
+        clear_tiles(self.accumulation, self.accumulating)

@@ -313,7 +313,7 @@ class Reconstruction:
     def _relight(self) -> NDArray[np.uint8]:
         """Light stored samples anew where lights or objects moved. Returns (n + 1,) uint8, those objects."""
         relit, buffer = self.poses.relit(), self.buffer
-        if self.poses.lit:
+        if relit.any():
             relight(buffer.store, buffer.count, relit, self.pose.lights, self.pose.lights.sky)
         return relit
 

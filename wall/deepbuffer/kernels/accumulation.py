@@ -79,6 +79,17 @@ def luminance(red, green, blue):
 
 
 @kernel
+def clear_tiles(accumulation, accumulating):
+    """Clear what pixels accumulated. accumulating : (rows, columns) bool, tiles that may have some; cleared too"""
+    for row in range(accumulating.shape[0]):
+        for column in range(accumulating.shape[1]):
+            if accumulating[row, column]:
+                left = column * TILE
+                accumulation[row * TILE : (row + 1) * TILE, left : left + TILE] = ZERO
+                accumulating[row, column] = False
+
+
+@kernel
 def mark_changed(store, count, changed, tiles, accumulation):
     """Set the tiles in which a sample of a changed object lies, and clear what its pixel accumulated.
 

@@ -29,6 +29,7 @@ PER_CHANGE = np.float32(1.0 / 0.06)
 NOISE = np.float32(0.8)  # share of sqrt_irradiance's range over 3x3 pixels that counts as noise
 KNOWN = np.float32(3.0)  # accumulated samples from which a pixel's own deviation says what is noise:
 SIGMAS = np.float32(2.0)  # so many standard deviations
+CHUNK = 512  # samples at a time
 GRADIENT_SHARE = np.float32(1.0 / 16.0)  # of one sample in a tile's moving mean
 
 
@@ -98,14 +99,41 @@ def reject_contradicted(store, count, history):
     count : int, samples stored; history : PixelHistory, see mark_contradicted
     """
     screen, rejection, rejected_object = store.screen_position, history.rejection, history.rejected_object
-    tiles = history.contradicted
-    for k in range(count):
-        if not screen[DEPTH, k] > ZERO:
-            continue
-        i, j = uint32(screen[Y, k]), uint32(screen[X, k])
-        if not tiles[i // uint32(TILE), j // uint32(TILE)]:
-            continue
-        amount, confidence = rejection[i, j, AMOUNT], store.confidence[k]
-        if amount > ZERO and rejected_object[i, j] == store.object_id[k] and store.time[k] < rejection[i, j, BEFORE]:
-            confidence *= ONE - amount
-        store.confidence[k] = confidence if confidence >= LEAST_CONFIDENCE else ZERO
+    width, nowhere = uint32(rejection.shape[1]), uint32(rejected_object.size)
+    marked = np.zeros(rejected_object.size + 1, np.uint8)
+    mark_pixels(history, store.light.shape[0] > 0, marked)
+    pixels, found = np.empty(CHUNK, np.uint32), np.empty(CHUNK, np.uint32)
+    for first in range(0, count, CHUNK):
+        last = min(first + CHUNK, count)
+        x, y, depth = screen[X, first:last], screen[Y, first:last], screen[DEPTH, first:last]
+        for k in range(last - first):  # vector code
+            inside = depth[k] > ZERO
+            pixels[k] = uint32(y[k] if inside else ZERO) * width + uint32(x[k]) if inside else nowhere
+        n = uint32(0)
+        for k in range(last - first):  # few are found: no branches
+            found[n] = uint32(k)
+            n += uint32(marked[pixels[k]])
+        for m in range(n):
+            k = uint32(first) + found[m]
+            i, j = uint32(screen[Y, k]), uint32(screen[X, k])
+            amount, confidence, before = rejection[i, j, AMOUNT], store.confidence[k], rejection[i, j, BEFORE]
+            if amount > ZERO and rejected_object[i, j] == store.object_id[k] and store.time[k] < before:
+                confidence *= ONE - amount
+            store.confidence[k] = confidence if confidence >= LEAST_CONFIDENCE else ZERO
+
+
+@inline_kernel
+def mark_pixels(history, whole_tiles, marked):
+    """Write 1 for the pixels that were contradicted, or for all of their tiles.
+
+    whole_tiles : bool, since corrections of noisy light may have left samples too little confidence
+    marked : (h w + 1,) uint8, zeros; the last one stands for what is outside the image
+    """
+    rejection, tiles = history.rejection, history.contradicted
+    height, width = rejection.shape[0], rejection.shape[1]
+    for row in range(tiles.shape[0]):
+        for column in range(tiles.shape[1]):
+            if tiles[row, column]:
+                for i in range(row * TILE, min((row + 1) * TILE, height)):
+                    for j in range(column * TILE, min((column + 1) * TILE, width)):
+                        marked[i * width + j] = np.uint8(whole_tiles | (rejection[i, j, AMOUNT] > ZERO))
