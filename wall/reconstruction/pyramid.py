@@ -15,20 +15,26 @@ class Pyramid:
 
     def __init__(self, height: int, width: int) -> None:
         self.levels: list[Float32] = [np.zeros((*size, 4), np.float32) for size in pyramid_sizes(height, width)]
+        self._holes = np.zeros(height * width, np.uint32)
+
+    @property
+    def bytes(self) -> int:
+        """Memory of all its arrays."""
+        return self._holes.nbytes + sum(level.nbytes for level in self.levels)
 
     def resolve(self, sums: Float32, resolved: Float32) -> None:
         """Write means, and fill holes (push-pull).
 
         sums : (h + 2, w + 2, 4) float32, see kernels.splat; resolved : (h, w, 3) float32, written
         """
-        kernels.halve_splats(sums, self.levels[0])
+        holes = kernels.resolve_splats(sums, self.levels[0], resolved, self._holes)
         for fine, coarse in pairwise(self.levels):
             kernels.halve(fine, coarse)
         filled = None
         for level in reversed(self.levels):
             kernels.expand(level, filled)
             filled = level
-        kernels.resolve(sums, self.levels[0], resolved)
+        kernels.fill_holes(sums, self.levels[0], self._holes, holes, resolved)
 
 
 def pyramid_sizes(height: int, width: int) -> list[tuple[int, int]]:

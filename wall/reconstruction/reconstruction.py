@@ -111,7 +111,8 @@ class Reconstruction:
         self._part_sums = np.zeros_like(self.splat_sums)  # of the samples of some tiles
         self._pyramid = Pyramid(height, width)
         self.surfaces: SurfaceImages | None = None  # see describe_surfaces
-        self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
+        self._resolved: Float32 = np.zeros((height, width, 3), np.float32)
+        self._shows_splats = False  # `radiance` shows them alone, `_resolved` is not up to date
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
         last = float(LONGEST_FILTERED if noisy else MEAN_ALONE)
         self._schedule = RestSchedule(self.buffer.history.arrived, TILE * TILE, last=last)
@@ -143,10 +144,8 @@ class Reconstruction:
             self._splat(self.poses.moved(), due, seconds)
         if not self._with.accumulation or (self._lighting is not None and not self.nothing_moves):
             history.clear_accumulation()
-        if history.dirty.any() and self._lighting is not None and self.surfaces is None:
-            self._lighting.mix(self.resolved, history, self.radiance)
-        elif history.dirty.any():
-            kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
+        if history.dirty.any() and not (self._shows_splats and not history.accumulating.any()):
+            self._mix()
 
     def limit_means(self) -> None:
         """Let what pixels accumulated weigh too little for any of them to be complete."""
@@ -187,8 +186,8 @@ class Reconstruction:
     @property
     def bytes(self) -> int:
         """Memory of all its arrays; it never grows."""
-        own = [*vars(self).values(), *self._pyramid.levels]
-        more = sum(part.bytes for part in (self._lighting, self.surfaces) if part is not None)
+        own = vars(self).values()
+        more = sum(part.bytes for part in (self._pyramid, self._lighting, self.surfaces) if part is not None)
         return self.buffer.bytes + more + sum(array.nbytes for array in own if isinstance(array, np.ndarray))
 
     def describe_surfaces(self) -> None:
@@ -250,6 +249,28 @@ class Reconstruction:
         buffer.reject_accumulation(changed, redone)
         self._schedule.move(None if redone.all() else tiles)
 
+    @property
+    def resolved(self) -> Float32:
+        """The image of splats alone, (h, w, 3) float32: without what pixels accumulated."""
+        if self._shows_splats:
+            self._shows_splats = False
+            self._resolved[:] = self.radiance
+        return self._resolved
+
+    def _mix(self) -> None:
+        """Mix what pixels accumulated into the splats, in dirty tiles."""
+        history = self.buffer.history
+        if self._lighting is not None and self.surfaces is None:
+            self._lighting.mix(self.resolved, history, self.radiance)
+        else:
+            kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
+
+    def _resolve(self, *, everywhere: bool) -> None:
+        """Resolve splat sums; at once to `radiance` if all of it is redone, and nothing is to be mixed in."""
+        mixes = self._lighting is not None or bool(self.buffer.history.accumulating.any())
+        self._shows_splats = everywhere and not mixes
+        self._pyramid.resolve(self.splat_sums, self.radiance if self._shows_splats else self._resolved)
+
     def _splat(self, moved: NDArray[np.uint8], tiles: NDArray[np.bool_], now: np.float32) -> NDArray[np.bool_]:
         """Splat the samples of `tiles` (rows, columns) where they are: of all if that is much, or where some are empty.
 
@@ -277,7 +298,7 @@ class Reconstruction:
             buffer.give_back(count)
             kernels_splat.copy_tiles(self._part_sums, tiles, self.splat_sums)
         buffer.sort()
-        self._pyramid.resolve(self.splat_sums, self.resolved)
+        self._resolve(everywhere=bool(tiles.all()))
         buffer.history.dirty[with_neighbours(tiles)] = True
         return tiles
 

@@ -27,7 +27,7 @@ class SurfaceImages:
     @property
     def bytes(self) -> int:
         """Memory of all its arrays."""
-        return sum(array.nbytes for array in (self._rows, self._sums, self._bounds, *self._pyramid.levels))
+        return self._pyramid.bytes + sum(array.nbytes for array in (self._rows, self._sums, self._bounds))
 
     def splat(
         self, store: SampleStore, weight: Float32, count: int, tiles: NDArray[np.bool_], object_from_eye: Float32

@@ -7,31 +7,66 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.change import TRUSTED
 
+uint8, uint32 = np.uint8, np.uint32
 ZERO, ONE, QUARTER, THREE_QUARTERS = np.float32(0.0), np.float32(1.0), np.float32(0.25), np.float32(0.75)
 SMALLEST = np.finfo(np.float32).tiny  # a weight whose inverse is finite
+RUN = 16  # pixels that are looked at together for holes
 
 
 @kernel
-def halve_splats(sums, coarse):
-    """Make the first level of a pyramid: sums over 2x2, a pixel of weight TRUSTED or more counting once.
+def resolve_splats(sums, coarse, shown, holes):
+    """Resolve splat sums to weighted means, list the holes, and make the first level of a pyramid to fill them from.
+
+    A level holds sums over 2x2, a pixel of weight TRUSTED or more counting once.
 
     sums : (h + 2, w + 2, 4) float32 weighted radiance and weight, one pixel of border around
     coarse : (ceil(h/2), ceil(w/2), 4) float32, written
+    shown : (h, w, 3) float32, written; with weights below TRUSTED a part is missing
+    holes : (h w,) uint32, written: y w + x of the pixels of such weights
+
+    Returns
+    -------
+    count : int, holes
     """
-    height, width = sums.shape[0] - 2, sums.shape[1] - 2
+    height, width = shown.shape[0], shown.shape[1]
+    scale, lacks = np.empty(width + 1, np.float32), np.zeros(width + RUN, np.uint8)
     coarse[:] = ZERO
+    count = uint32(0)
     for i in range(height):
-        row, out = sums[i + 1].reshape(-1)[4 : 4 * (width + 1)], coarse[i >> 1].reshape(-1)
+        row, half, out = sums[i + 1].reshape(-1)[4 : 4 * (width + 1)], coarse[i >> 1].reshape(-1), shown[i].reshape(-1)
+        for j in range(width):
+            scale[j] = ONE / max(row[4 * j + 3], TRUSTED)
         for k in range(width >> 1):
-            u, v = ONE / max(row[8 * k + 3], TRUSTED), ONE / max(row[8 * k + 7], TRUSTED)
-            out[4 * k] += u * row[8 * k] + v * row[8 * k + 4]
-            out[4 * k + 1] += u * row[8 * k + 1] + v * row[8 * k + 5]
-            out[4 * k + 2] += u * row[8 * k + 2] + v * row[8 * k + 6]
-            out[4 * k + 3] += u * row[8 * k + 3] + v * row[8 * k + 7]
+            u, v = scale[2 * k], scale[2 * k + 1]
+            half[4 * k] += u * row[8 * k] + v * row[8 * k + 4]
+            half[4 * k + 1] += u * row[8 * k + 1] + v * row[8 * k + 5]
+            half[4 * k + 2] += u * row[8 * k + 2] + v * row[8 * k + 6]
+            half[4 * k + 3] += u * row[8 * k + 3] + v * row[8 * k + 7]
         if width & 1:
-            u = ONE / max(row[4 * width - 1], TRUSTED)
             for c in range(4):
-                coarse[i >> 1, width >> 1, c] += u * row[4 * (width - 1) + c]
+                coarse[i >> 1, width >> 1, c] += scale[width - 1] * row[4 * (width - 1) + c]
+        for j in range(width):
+            out[3 * j] = scale[j] * row[4 * j]
+            out[3 * j + 1] = scale[j] * row[4 * j + 1]
+            out[3 * j + 2] = scale[j] * row[4 * j + 2]
+        for j in range(width):
+            lacks[j] = uint8(1) if row[4 * j + 3] < TRUSTED else uint8(0)
+        count = list_holes(lacks, i * width, width, holes, count)
+    return count
+
+
+@inline_kernel
+def list_holes(lacks, first, width, holes, count):
+    """Add the pixels of a row that lack weight to the list; returns their new number."""
+    for start in range(0, width, RUN):
+        some = uint8(0)
+        for j in range(RUN):
+            some |= lacks[start + j]
+        if some != 0:
+            for j in range(start, min(start + RUN, width)):
+                holes[count] = uint32(first + j)
+                count += uint32(lacks[j])
+    return count
 
 
 @kernel
@@ -69,26 +104,24 @@ def expand(coarse, filled):
 
 
 @kernel
-def resolve(sums, filled, shown):
-    """Resolve splat sums to an image: weighted means; the further the weight is below TRUSTED, the coarser level.
+def fill_holes(sums, filled, holes, count, shown):
+    """Mix in the coarser level where weight is missing: the more, the further it is below TRUSTED.
 
-    sums : (h + 2, w + 2, 4) float32, see halve_splats; filled : (ceil(h/2), ceil(w/2), 4) float32, see expand
-    shown : (h, w, 3) float32, written
+    sums : (h + 2, w + 2, 4) float32, see resolve_splats; filled : (ceil(h/2), ceil(w/2), 4) float32, see expand
+    holes : (h w,) uint32, pixels; count : int, of them; shown : (h, w, 3) float32, updated in the holes
     """
-    width = shown.shape[1]
-    coarse, fine = np.empty((3, filled.shape[1] + 2), np.float32), np.empty((3, width + 1), np.float32)
-    scale, missing = np.empty(width, np.float32), np.empty(width, np.float32)
-    for i in range(shown.shape[0]):
-        interpolate(filled, i, coarse, fine)
-        row, out = sums[i + 1].reshape(-1)[4 : 4 * (width + 1)], shown[i].reshape(-1)
-        for j in range(width):
-            scale[j] = ONE / max(row[4 * j + 3], TRUSTED)
-            missing[j] = max(ONE - row[4 * j + 3] / TRUSTED, ZERO)
-        red, green, blue = fine[0], fine[1], fine[2]
-        for j in range(width):
-            out[3 * j] = scale[j] * row[4 * j] + missing[j] * red[j]
-            out[3 * j + 1] = scale[j] * row[4 * j + 1] + missing[j] * green[j]
-            out[3 * j + 2] = scale[j] * row[4 * j + 2] + missing[j] * blue[j]
+    width, bottom, right = shown.shape[1], filled.shape[0] - 1, filled.shape[1] - 1
+    for n in range(count):
+        i, j = int(holes[n]) // width, int(holes[n]) % width
+        y, x = i >> 1, j >> 1
+        far, side = min(max(y - 1 + 2 * (i & 1), 0), bottom), min(max(x - 1 + 2 * (j & 1), 0), right)
+        weight = sums[i + 1, j + 1, 3]
+        scale, missing = ONE / max(weight, TRUSTED), ONE - weight / TRUSTED
+        for c in range(3):
+            near = THREE_QUARTERS * filled[y, x, c] + QUARTER * filled[far, x, c]
+            beside = THREE_QUARTERS * filled[y, side, c] + QUARTER * filled[far, side, c]
+            fine = THREE_QUARTERS * near + QUARTER * beside
+            shown[i, j, c] = scale * sums[i + 1, j + 1, c] + missing * fine
 
 
 @inline_kernel

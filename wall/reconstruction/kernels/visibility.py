@@ -77,51 +77,51 @@ def bound_depths(nearest, moved, decay, silhouette, density, tiles, bounds):
     """
     height, width = bounds.shape[1], bounds.shape[2]
     weights = density.reshape(-1)
-    near = np.empty((height + 2, width + 2), np.float32)  # edges stand twice, which changes no extreme
+    near = np.empty((3, width + 2), np.float32)  # three rows at a time; edges stand twice, which changes no extreme
     far, moving = np.empty_like(near), np.empty_like(near)
-    everything = moved.all()
-    wanted = np.empty(height, np.bool_)
-    for i in range(height):
-        wanted[i] = tiles[max(i - REACH, 0) // TILE].any() | tiles[min(i + REACH, height - 1) // TILE].any()
-    for i in range(height + 2):
-        if wanted[max(i - 2, 0) : i + 1].any():
-            copy_row(nearest[min(max(i - 1, 0), height - 1)].reshape(-1), moved, everything, near[i], far[i], moving[i])
     low, high, moves = np.empty(width + 2, np.float32), np.empty(width + 2, np.float32), np.empty(width + 2, np.float32)
-    slow, dense = np.empty(width, np.float32), np.empty(width, np.float32)
+    slow, dense = np.empty(tiles.shape[1] * TILE, np.float32), np.empty(width, np.float32)
+    copied = -1
     for i in range(height):  # few arrays a loop: all are vector code
-        if not wanted[i]:
+        if not (tiles[max(i - REACH, 0) // TILE].any() | tiles[min(i + REACH, height - 1) // TILE].any()):
             continue
-        extremes(near[i], near[i + 1], near[i + 2], low, far[i], far[i + 1], far[i + 2], high)
+        for k in range(max(i - 1, copied + 1), min(i + 2, height)):
+            copy_row(nearest[k].reshape(-1), moved, near[k % 3], far[k % 3], moving[k % 3])
+            copied = k
+        up, own, down = max(i - 1, 0) % 3, i % 3, min(i + 1, height - 1) % 3
+        extremes(near[up], near[own], near[down], low, far[up], far[own], far[down], high)
         for j in range(width + 2):
-            moves[j] = max(moving[i, j], max(moving[i + 1, j], moving[i + 2, j]))
+            moves[j] = max(moving[up, j], max(moving[own, j], moving[down, j]))
         row = weights[4 * (i + 1) * (width + 2) + 4 :]
         for j in range(width):
             dense[j] = row[4 * j + 3] * (ONE / DENSE)
-        for j in range(width):
-            slow[j] = decay[i // TILE, j // TILE]
+        for column in range(tiles.shape[1]):
+            slow[column * TILE : (column + 1) * TILE] = decay[i // TILE, column]
         bound, decays, sharpness = bounds[CONSERVATIVE_DEPTH, i], bounds[DECAY, i], bounds[SHARPNESS, i]
         for j in range(width):
-            limit = min(low[j], min(low[j + 1], low[j + 2])) * BEHIND
-            edge = max(high[j], max(high[j + 1], high[j + 2])) > limit
+            bound[j] = min(low[j], min(low[j + 1], low[j + 2])) * BEHIND
+        for j in range(width):
+            edge = max(high[j], max(high[j + 1], high[j + 2])) > bound[j]
             pace = min(max(dense[j], SLOWEST), SHARPEST) if dense[j] > ZERO else ONE
             at_edge = silhouette * (ONE if max(moves[j], max(moves[j + 1], moves[j + 2])) > ZERO else pace)
-            bound[j] = limit
             decays[j] = pace * slow[j] + (at_edge if edge else ZERO)
+        for j in range(width):
             sharpness[j] = min(max(dense[j], ONE), SHARPEST)
 
 
 @inline_kernel
-def copy_row(nearest, moved, everything, near, far, moving):
+def copy_row(nearest, moved, near, far, moving):
     """Copy a row of nearest samples: depth, depth or 0 where there is none, and whether the object moves."""
     width = near.shape[0] - 2
-    a, b, c = near[1:], far[1:], moving[1:]
+    a, b, c = near[1 : width + 1], far[1 : width + 1], moving[1 : width + 1]
     for j in range(width):
-        z = nearest[4 * j + NEAREST_DEPTH]
-        a[j] = z
-        b[j] = z if z < INFINITE else ZERO
-    if everything:
+        a[j] = nearest[4 * j + NEAREST_DEPTH]
+    for j in range(width):
+        b[j] = a[j] if a[j] < INFINITE else ZERO
+    if moved[1:].all():  # as the camera does, but for the sky when it only slides: no look-up
+        first = ZERO if moved[0] != 0 else ONE
         for j in range(width):
-            c[j] = ONE if nearest[4 * j + NEAREST_OBJECT] >= ZERO else ZERO
+            c[j] = ONE if nearest[4 * j + NEAREST_OBJECT] >= first else ZERO
     else:
         for j in range(width):
             object_id = nearest[4 * j + NEAREST_OBJECT]
