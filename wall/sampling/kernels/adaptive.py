@@ -278,22 +278,22 @@ def draw_inside(score, tiles, tile, marks, pixels, scratch, xy, filled):
     step, at = marks.step * total, marks.first * total
     seen, end = 0.0, filled + marks.number
     i, j = top, first  # the last pixel with a score
-    for k in range(across * down):
-        row, column = k // across, k % across
-        column = column if row % 2 == 0 else across - 1 - column
-        before, seen = seen, seen + block_sums[row * across + column]
-        if not at < seen:
-            continue
-        for m in range(BLOCK * BLOCK):
-            y, x = top + BLOCK * row + (m >> 1 & 1 | m >> 2 & 2), first + BLOCK * column + (m & 1 | m >> 1 & 2)
-            if y >= top + height or x >= first + width or not score[y, x] > ZERO:
+    for row in range(down):
+        for k in range(across):
+            column = across - 1 - k if row & 1 else k
+            before, seen = seen, seen + block_sums[row * across + column]
+            if not at < seen:
                 continue
-            i, j = y, x
-            before += score[i, j]
-            while at < before and filled < end:
-                write_position(i, j, pixels, xy, filled)
-                filled += 1
-                at += step
+            for m in range(BLOCK * BLOCK):
+                y, x = top + BLOCK * row + (m >> 1 & 1 | m >> 2 & 2), first + BLOCK * column + (m & 1 | m >> 1 & 2)
+                if y >= top + height or x >= first + width or not score[y, x] > ZERO:
+                    continue
+                i, j = y, x
+                before += score[i, j]
+                while at < before and filled < end:
+                    write_position(i, j, pixels, xy, filled)
+                    filled += 1
+                    at += step
     while filled < end:  # rounding left some over
         write_position(i, j, pixels, xy, filled)
         filled += 1
