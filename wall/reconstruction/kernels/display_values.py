@@ -24,16 +24,19 @@ def display_tiles(radiance, dirty, tile, curve, gain, rgb):
     redone : int, pixels written
     """
     redone = 0
-    places, exposed = np.empty(3 * tile, np.int32), np.empty(3 * tile, np.float32)
+    places, exposed = np.empty(radiance.shape[1], np.int32), np.empty(radiance.shape[1], np.float32)
     for row in range(dirty.shape[0]):
-        for column in range(dirty.shape[1]):
-            if not dirty[row, column]:
-                continue
-            left, right = 3 * column * tile, min(3 * (column + 1) * tile, radiance.shape[1])
-            for y in range(row * tile, min((row + 1) * tile, radiance.shape[0])):
+        first = 0
+        while first < dirty.shape[1]:
+            last = first + 1
+            while last < dirty.shape[1] and dirty[row, last] == dirty[row, first]:  # a run of tiles
+                last += 1
+            left, right = 3 * first * tile, min(3 * last * tile, radiance.shape[1])
+            for y in range(row * tile, min((row + 1) * tile, radiance.shape[0]) if dirty[row, first] else 0):
                 row_of_light = radiance[y, left:right]
                 for k in range(right - left):
                     exposed[k] = gain * row_of_light[k]
                 encode_row(exposed[: right - left], curve, places, rgb[y, left:right])
                 redone += (right - left) // 3
+            first = last
     return redone
