@@ -52,3 +52,12 @@ def test_only_the_tiles_given_are_looked_at(random_numbers: np.random.Generator)
     inside = np.zeros((HEIGHT, WIDTH), np.bool_)
     inside[16:, 16:32] = True
     np.testing.assert_array_equal(history.accumulation[..., COUNT] == 0.0, inside)
+
+
+def test_clearing_leaves_nothing_in_tiles_that_accumulated_and_no_tile_marked() -> None:
+    history = PixelHistory.of(40, 25, detects_change=False)
+    for i, j in ((0, 0), (15, 31), (24, 39)):  # the last tiles are cut
+        history.accumulation[i, j], history.accumulating[i // 16, j // 16] = 1.0, True
+    history.clear_accumulation()
+    assert not history.accumulation.any()
+    assert not history.accumulating.any()

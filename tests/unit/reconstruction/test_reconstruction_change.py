@@ -88,6 +88,23 @@ def test_at_rest_a_pixel_shows_the_mean_of_its_samples(scene: Scene, n: int, sha
     assert_allclose(image.radiance, mean * share + image.resolved * (1 - share), rtol=1e-5)
 
 
+def test_where_a_moving_image_comes_to_rest_splats_stay_what_means_are_mixed_into(scene: Scene) -> None:
+    """A moving image shows splats alone, with no second image of them; at rest red means come over the green ones."""
+    image = image_of(scene)
+    moving = [event_at(k, position=(1e-5 * k, 0.0, 4.0)) for k in range(3)]
+    for k, event in enumerate(moving):
+        image.insert(all_pixels(), START + (k - 0.5) * REFRESH_S, event)
+        image.refresh(event, START + k * REFRESH_S)
+    assert not image.buffer.history.accumulating.any()
+    assert_allclose(image.radiance[11, 20], GREEN, atol=1e-5)
+    image.insert(hits(np.array([[20.5, 11.5]], np.float32), RED), START + 3 * REFRESH_S, moving[2])
+    image.refresh(moving[2], START + 3 * REFRESH_S)
+
+    assert_allclose(image.resolved[11, 20], GREEN, atol=1e-5)
+    assert_allclose(image.radiance[11, 20], np.multiply(RED, 3 / 4) + np.multiply(GREEN, 1 / 4), atol=1e-5)
+    assert_allclose(image.radiance[11, 19], GREEN, atol=1e-5)
+
+
 def test_at_rest_samples_anywhere_in_a_pixel_count_for_that_pixel_alone(scene: Scene) -> None:
     random = np.random.default_rng(3)
     xy = np.add((20, 11), random.uniform(0.01, 0.99, (500, 2))).astype(np.float32)

@@ -9,7 +9,17 @@ from numpy.testing import assert_allclose
 from wall.core.data import Float32
 from wall.deepbuffer.store import SampleStore
 from wall.reconstruction.kernels.splat import splat
-from wall.reconstruction.kernels.visibility import DECAY, DENSE, SHARPEST, SHARPNESS, SILHOUETTE_PER_S, bound_depths
+from wall.reconstruction.kernels.visibility import (
+    BEHIND,
+    CONSERVATIVE_DEPTH,
+    DECAY,
+    DENSE,
+    SHARPEST,
+    SHARPNESS,
+    SILHOUETTE_PER_S,
+    SLOWEST,
+    bound_depths,
+)
 
 SIZE = 8  # pixels
 FLOAT32 = 1e-5  # a few roundings of shares that sum to 1
@@ -67,3 +77,36 @@ def test_silhouettes_age_at_full_pace_where_they_move_else_by_density(moves: int
     by_density = {0.0: 1.0, 0.6: 0.3, 8.0: 2.0}[weight]
     assert_allclose(bounds[DECAY, :, 3:6], 2.0 * by_density + float(SILHOUETTE_PER_S) * pace, rtol=FLOAT32)
     assert_allclose(np.delete(bounds[DECAY], (3, 4, 5), axis=1), 2.0 * by_density, rtol=FLOAT32)
+
+
+def neighbourhood(image: Float32) -> Float32:
+    """(9, h, w): every pixel's 3x3, edges repeated."""
+    wide = np.pad(image, 1, mode="edge")
+    height, width = image.shape
+    return np.array([wide[i : i + height, j : j + width] for i in range(3) for j in range(3)])
+
+
+@pytest.mark.parametrize("moved", [(1, 1, 1), (0, 1, 1), (1, 0, 1), (0, 0, 0)])
+@pytest.mark.parametrize("rows", [(0, 1, 2, 3), (0, 3), (2,)])
+def test_bounds_come_from_nine_pixels_in_whichever_rows_of_tiles(moved: tuple[int, ...], rows: tuple[int, ...]) -> None:
+    height, width, random = 59, 37, np.random.default_rng(6)
+    nearest = np.zeros((height, width, 4), np.float32)
+    nearest[..., 0], nearest[..., 3] = random.uniform(1, 1.1, (height, width)), random.integers(-1, 3, (height, width))
+    nearest[..., 0][nearest[..., 3] < 0] = np.inf
+    sums = np.zeros((height + 2, width + 2, 4), np.float32)
+    sums[..., 3] = random.uniform(0, 16, sums.shape[:2])
+    tiles = np.zeros((4, 3), np.bool_)
+    tiles[list(rows), 1] = True
+    decay, bounds = random.uniform(1, 2, tiles.shape).astype(np.float32), np.zeros((3, height, width), np.float32)
+    bound_depths(nearest, np.array(moved, np.uint8), decay, SILHOUETTE_PER_S, sums, tiles, bounds)
+
+    objects = nearest[..., 3].astype(int)
+    limit = neighbourhood(nearest[..., 0]).min(axis=0) * float(BEHIND)
+    moves = neighbourhood(np.where(objects >= 0, np.array(moved)[objects], 0)).max(axis=0)
+    deepest = neighbourhood(np.where(objects >= 0, nearest[..., 0], 0.0)).max(axis=0)
+    pace = np.clip(sums[1:-1, 1:-1, 3] / float(DENSE), float(SLOWEST), float(SHARPEST))
+    edge = np.where(deepest > limit, float(SILHOUETTE_PER_S) * np.where(moves > 0, 1.0, pace), 0.0)
+    slow = pace * decay.repeat(16, axis=0).repeat(16, axis=1)[:height, :width]
+    wanted = tiles.any(axis=1).repeat(16)[:height]
+    assert_allclose(bounds[CONSERVATIVE_DEPTH][wanted], limit[wanted], rtol=FLOAT32)
+    assert_allclose(bounds[DECAY][wanted], (slow + edge)[wanted], rtol=FLOAT32)
