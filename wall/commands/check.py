@@ -20,7 +20,7 @@ from wall.roles.edges import target_ranks
 from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan, why_not_at_renderer
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
-from wall.scene.build import sources_of
+from wall.scene.sources import sources_of
 from wall.tracing.tracer_scene import make_tracer_scene
 
 MEASURED_S = 0.3  # seconds of tracing that the expected rate is measured in

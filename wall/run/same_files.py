@@ -16,8 +16,8 @@ from wall.config.loading import dump
 from wall.core.errors import ConfigError
 from wall.core.files import read_file
 from wall.roles.plan import HEAD, Layout
-from wall.scene.build import BUILT_IN, sources_of
 from wall.scene.gltf import MOST_BYTES
+from wall.scene.sources import BUILT_IN, sources_of
 
 PROGRAM = Path(__file__).parents[1]
 MISSING = "missing"

@@ -11,20 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.materials import AmbientOcclusionConfig, IntegratorConfig, PathConfig
-from wall.config.scene import MotionConfig, ParameterConfig, SceneConfig, Up
+from wall.config.scene import MotionConfig, ParameterConfig, SceneConfig
 from wall.core.data import NO_EDITS, Edits, Float64
 from wall.core.errors import SceneError
 from wall.geometry.cameras import Lens, NamedCamera
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.area_lights import emitting
 from wall.scene.bounds import framing_sphere, middle, world_boxes
-from wall.scene.builtin.arcade import arcade
-from wall.scene.builtin.cornell import cornell
-from wall.scene.builtin.courtyard import courtyard
-from wall.scene.builtin.forest import forest
-from wall.scene.builtin.gallery import gallery, gallery_mirrors
-from wall.scene.builtin.museum import museum
-from wall.scene.builtin.spheres import spheres
 from wall.scene.cuts import cuts_of
 from wall.scene.environment import read_environment
 from wall.scene.lights import STUDIO_SKY, configured_light, default_lights
@@ -46,23 +39,13 @@ from wall.scene.model import (
     Source,
     SpotLight,
     Texture,
-    TextureSet,
 )
 from wall.scene.object_edits import EditedObjects
 from wall.scene.parameter_tracks import ParameterTrack, tracks_of
 from wall.scene.placed import only_placed
 from wall.scene.shading import shaded
+from wall.scene.sources import joined, make_source, sources_of
 
-BUILT_IN = {
-    "arcade": arcade,
-    "cornell": cornell,
-    "courtyard": courtyard,
-    "forest": forest,
-    "gallery": gallery,
-    "gallery_mirrors": gallery_mirrors,
-    "museum": museum,
-    "spheres": spheres,
-}
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
 SHORTEST = 1e-12  # length of a direction; a shorter one, between opposite keyframes, lights nothing
 SHADINGS = 16  # likewise, of states of edits
@@ -99,8 +82,8 @@ class Scene:
 
     @property
     def triangles(self) -> int:
-        """Triangles in the image: each mesh counts once for every instance."""
-        return sum(len(self.meshes[instance.mesh].triangles) for instance in self.instances)
+        """Triangles and spheres in the image: each mesh counts once for every instance."""
+        return sum(self.meshes[instance.mesh].primitives for instance in self.instances)
 
     @property
     def animated(self) -> bool:
@@ -119,7 +102,7 @@ class Scene:
         Shares that follow each other hold every object once. An object is never cut, so shares are as equal as
         objects allow.
         """
-        sizes = np.array([len(self.meshes[instance.mesh].triangles) for instance in self.instances], np.float64)
+        sizes = np.array([self.meshes[instance.mesh].primitives for instance in self.instances], np.float64)
         middles = (np.cumsum(sizes) - sizes / 2) / max(sizes.sum(), 1.0)
         found: NDArray[np.bool_] = (share[0] <= middles) & (middles < share[1])
         return found
@@ -209,55 +192,6 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     sources = [make_source(name, base_folder, scene_config.up) for name in sources_of(scene_config)]
     scene = assemble(_configured(joined(sources), scene_config, base_folder))
     return replace(scene, cuts=cuts_of(scene_config.cuts)) if scene_config.cuts else scene
-
-
-def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
-    """The names of everything that is put in the scene's world."""
-    return scene_config.source if isinstance(scene_config.source, tuple) else (scene_config.source,)
-
-
-def make_source(name: str, base_folder: Path, up: Up = "auto") -> Source:
-    """A built-in scene by its name, or a model file; `up`: see SceneConfig."""
-    if name in BUILT_IN:
-        return BUILT_IN[name]()
-    from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
-
-    return load(base_folder / name, up)
-
-
-def joined(sources: Sequence[Source]) -> Source:
-    """Several sources in one world; lights and sky are those of the first that has any."""
-    if len(sources) == 1:
-        return sources[0]
-    meshes: list[Mesh] = []
-    materials: list[Material] = []
-    textures: list[Texture] = []
-    instances: list[Instance] = []
-    motions: list[Moving] = []
-    for source in sources:
-        motions += [replace(moving, body=moving.body + len(instances)) for moving in source.motions]
-        instances += [replace(i, mesh=i.mesh + len(meshes)) for i in source.instances]
-        meshes += [replace(m, material=m.material + len(materials)) for m in source.meshes]
-        materials += [_with_textures_from(len(textures), material) for material in source.materials]
-        textures += source.textures
-    return Source(
-        meshes=tuple(meshes),
-        materials=tuple(materials),
-        textures=tuple(textures),
-        instances=tuple(instances),
-        lights=next((source.lights for source in sources if source.lights is not None), None),
-        sky=next((source.sky for source in sources if source.sky is not None), None),
-        animation=tuple(track for source in sources for track in source.animation),
-        motions=tuple(motions),
-        path_depth=max((source.path_depth for source in sources if source.path_depth is not None), default=None),
-        cameras=tuple(camera for source in sources for camera in source.cameras),
-        notes=tuple(note for source in sources for note in source.notes),
-    )
-
-
-def _with_textures_from(first: int, material: Material) -> Material:
-    """A material whose textures stand `first` rows further on."""
-    return replace(material, textures=TextureSet(*(k if k is None else k + first for k in material.textures)))
 
 
 def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Source:

@@ -86,7 +86,7 @@ class Material:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mesh:
-    """A triangle mesh in object space with one material; it may be placed many times."""
+    """A triangle mesh, or spheres, in object space with one material; it may be placed many times."""
 
     name: str
     vertices: Float32  # (v, 3) object space, relative to `origin`
@@ -96,6 +96,12 @@ class Mesh:
     normals: Float32 | None = None  # (v, 3) unit shading normals; None = flat
     uvs: Float32 | None = None  # (v, 2 n), n sets of u and v, v up
     colors: Float32 | None = None  # (v, 3) linear RGB, multiplies base_color
+    spheres: Float32 | None = None  # (v, 4) centres, which are the vertices, and radii; None: triangles
+
+    @property
+    def primitives(self) -> int:
+        """How many triangles, or spheres, it has."""
+        return len(self.triangles) if self.spheres is None else len(self.spheres)
 
     def uvs_of(self, texture: Texture) -> Float32 | None:
         """(v, 2), the texture coordinates that `texture` is looked up by; None: the mesh has none."""

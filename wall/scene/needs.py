@@ -21,6 +21,8 @@ class Needs:
     uv_sets: bool  # some texture is looked up by other texture coordinates than the first
     alpha: bool  # surfaces that are not there in places
     vertex_colors: bool
+    points: bool  # spheres
+    point_colors: bool  # each sphere has its own
     smooth_normals: bool
     mirrors: bool
     point_lights: bool
@@ -37,7 +39,7 @@ class Needs:
     thin_glass: bool  # on paths
     absorption: bool  # inside glass, on paths
     interfaces: bool  # metal, a coat over diffuse light, or thin glass, on paths
-    emitters: bool  # surfaces that light others, on paths
+    emitters: bool  # triangles that light others, on paths
     cuts: bool  # planes cut the scene open
     relighting: bool  # something moves under what can be relit, and a light visibility mask has a bit for each light
 
@@ -46,6 +48,7 @@ def needs(scene: Scene) -> Needs:
     """Look at what the instances really use: a texture that no placed mesh shows is not needed."""
     meshes = [scene.meshes[k] for k in {instance.mesh for instance in scene.instances}]
     materials = [scene.materials[k] for k in {mesh.material for mesh in meshes}]
+    of_triangles = {mesh.material for mesh in meshes if mesh.spheres is None}
     mapped = [scene.materials[mesh.material] for mesh in meshes if mesh.uvs is not None]
     slots = [[m.textures[slot] for m in mapped if m.textures[slot] is not None] for slot in range(4)]
     textures = [scene.textures[k] for slot in slots for k in slot if k is not None]
@@ -64,7 +67,9 @@ def needs(scene: Scene) -> Needs:
         texture_edges=any(texture.wrap != ("repeat", "repeat") for texture in textures),
         uv_sets=any(texture.uv_set > 0 for texture in textures),
         alpha=any(material.alpha_mode != "opaque" for material in materials),
-        vertex_colors=any(mesh.colors is not None for mesh in meshes),
+        vertex_colors=any(mesh.colors is not None for mesh in meshes if mesh.spheres is None),
+        points=any(mesh.spheres is not None for mesh in meshes),
+        point_colors=any(mesh.colors is not None for mesh in meshes if mesh.spheres is not None),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         mirrors=mirrors,
         point_lights=bool(scene.point_lights),
@@ -81,7 +86,7 @@ def needs(scene: Scene) -> Needs:
         thin_glass=thin,
         absorption=paths and any(max(material.absorption) > 0.0 for material in materials),
         interfaces=thin or (paths and any(max(material.metallic, material.specular) > 0.0 for material in materials)),
-        emitters=paths and emission,
+        emitters=paths and any(max(scene.materials[k].emission) > 0.0 for k in of_triangles),
         cuts=bool(scene.cuts),
         relighting=scene.animated
         and 0 < lights <= MOST_RELIT_LIGHTS

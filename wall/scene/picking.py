@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float64
+from wall.scene.bounds import local_box
 from wall.scene.build import Scene
 from wall.scene.cuts import piece_left, planes_of
-from wall.scene.kernels.picking import first_triangle
-from wall.scene.model import Mesh, Moment, Texture
+from wall.scene.kernels.picking import first_sphere, first_triangle
+from wall.scene.model import Material, Mesh, Moment, Texture
 
 MOSTLY_THERE = 0.5  # alpha from which on a blended surface is what is seen
 NEXT = 1e-9  # beyond a surface that is not there, of its distance
@@ -22,7 +23,7 @@ class Picking:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        corners = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in scene.meshes]
+        corners = [local_box(mesh) for mesh in scene.meshes]
         self._boxes = np.array(corners, np.float64)[[instance.mesh for instance in scene.instances]]  # (n, 2, 3)
 
     def distance(self, moment: Moment, origin: Float64, direction: Float64) -> float:
@@ -52,6 +53,10 @@ class Picking:
         return (nearest, instance) if instance >= 0 else (math.inf, instance)
 
     def _first(self, mesh: Mesh, origin: Float64, direction: Float64, after: float) -> float:
+        if mesh.spheres is not None:
+            material = self._scene.materials[mesh.material]
+            there = material.alpha_mode == "opaque" or material.alpha >= _least(material)
+            return float(first_sphere(mesh.spheres, origin, direction, after)) if there else math.inf
         found = np.zeros(3)
         while (number := first_triangle(mesh.vertices, mesh.triangles, origin, direction, after, found)) >= 0:
             if self._is_there(mesh, number, found):
@@ -68,7 +73,12 @@ class Picking:
         if texture is not None and (uvs := mesh.uvs_of(texture)) is not None:
             a, b, c = uvs[mesh.triangles[number]].astype(np.float64)
             alpha *= alpha_of(texture, a + found[1] * (b - a) + found[2] * (c - a))
-        return alpha >= (material.alpha_cutoff if material.alpha_mode == "mask" else MOSTLY_THERE)
+        return alpha >= _least(material)
+
+
+def _least(material: Material) -> float:
+    """The alpha from which on a surface that is not opaque is seen."""
+    return material.alpha_cutoff if material.alpha_mode == "mask" else MOSTLY_THERE
 
 
 def entered(boxes: Float64, origins: Float64, directions: Float64) -> Float64:

@@ -33,13 +33,14 @@ T_FAR, MASK, RAY_ID, FLAGS = range(128, 192, 16)
 NORMAL_X, NORMAL_Y, NORMAL_Z, HIT_U, HIT_V, PRIMITIVE, GEOMETRY, INSTANCE = range(192, 320, 16)
 RAY_FLOATS, RAY_HIT_FLOATS = 192, 352  # two spare rows: Embree 4.4 writes an instance-array index behind INSTANCE
 
-_GEOMETRY_TRIANGLE, _GEOMETRY_INSTANCE = 0, 121
+_GEOMETRY_TRIANGLE, _GEOMETRY_SPHERES, _GEOMETRY_INSTANCE = 0, 50, 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
-_FORMAT_UINT3, _FORMAT_FLOAT3, FORMAT_FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134
+_FORMAT_UINT3, _FORMAT_FLOAT3, _FORMAT_FLOAT4, FORMAT_FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9004, 0x9134
 _SCENE_DYNAMIC, _SCENE_ROBUST = 1, 4
 _QUALITY_MEDIUM = 1  # low quality takes longer to build over instances, and is no faster to trace
 _QUERY_COHERENT = 1 << 16
-_FEATURES = (1 << 1) | (1 << 23) | (1 << 25)  # triangles, instances and filters: Embree skips tests for anything else
+# triangles, spheres, instances and filters, of what may be in a scene: Embree may skip tests for anything else
+_FEATURES = (1 << 1) | (1 << 20) | (1 << 23) | (1 << 25)
 
 _library = ctypes.CDLL(embreex.rtcore_scene.__file__)
 _P, _U, _Z = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
@@ -163,6 +164,26 @@ class Device:
         _library.rtcSetSharedGeometryBuffer(
             geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles)
         )
+        self._kept += [vertices, triangles]
+        return self._alone(geometry, passing, "building a mesh")
+
+    def spheres(self, spheres: Float32, passing: Passing | None = None) -> Handle:
+        """A committed, robust scene of spheres; the normals of their hits point outwards.
+
+        Parameters
+        ----------
+        spheres : (n, 4) float32, contiguous, centres and radii, kept alive here
+        passing : as for `mesh`
+        """
+        geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_SPHERES)
+        _library.rtcSetSharedGeometryBuffer(
+            geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT4, spheres.ctypes.data, 0, 16, len(spheres)
+        )
+        self._kept.append(spheres)
+        return self._alone(geometry, passing, "building spheres")
+
+    def _alone(self, geometry: Handle, passing: Passing | None, doing: str) -> Handle:
+        """A committed, robust scene of one geometry, which it takes; `doing`: see check."""
         if passing is not None:
             _library.rtcSetGeometryUserData(geometry, passing[1][0].ctypes.data)
             _library.rtcSetGeometryIntersectFilterFunction(geometry, passing[0])
@@ -174,8 +195,7 @@ class Device:
         _library.rtcAttachGeometryByID(scene, geometry, 0)
         _library.rtcReleaseGeometry(geometry)
         _library.rtcCommitScene(scene)
-        self._kept += [vertices, triangles]
-        self.check("building a mesh")
+        self.check(doing)
         return scene
 
     def tree(self, of: Handles) -> Handle:

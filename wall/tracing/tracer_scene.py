@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.colour import LUMINANCE, srgb_decoded, srgb_encoded
+from wall.core.colour import LUMINANCE, srgb_decoded
 from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
 from wall.scene.model import Material, Mesh, PointLight, Shading, Sky, SpotLight
@@ -26,6 +26,7 @@ from wall.tracing.kernels.values import (
     CLAMP,
     HAS_COLORS,
     HAS_NORMALS,
+    HAS_POINT_COLORS,
     HAS_UVS,
     MATERIAL,
     MATERIAL_ROW,
@@ -42,6 +43,7 @@ from wall.tracing.kernels.values import (
     Textures,
 )
 from wall.tracing.light_trees import emitter_tree, make_tree
+from wall.tracing.mip_levels import mip_levels
 
 LEAST_EMITTERS = 64  # triangles that a tree chooses from; fewer are chosen by power alone, docs/lab/light.md
 LEAST_POINTS, LEAST_SPOTS = 32, 128  # lights that a tree chooses from on paths; fewer are all looked at
@@ -58,7 +60,7 @@ class TracerScene:
     needs: Needs
     device: Device
     trees: bool  # whether trees choose among many lights
-    vertices: Float32  # (v + 2, 3) of all meshes, which Embree reads too
+    vertices: Float32  # (v + 2, 3) of all triangle meshes, which Embree reads too
     meshes: tuple[Handle, ...]  # Embree scene of each instance's mesh, instance order
     extents: Float64  # (n,) radius of each instance's mesh about its origin
     surfaces: Surfaces  # whose meshes have no placements or eye_from_object, which are each Tracer's own
@@ -122,18 +124,21 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
     wanted = needs(scene)
     order = sorted(range(len(scene.meshes)), key=lambda k: _lacks(scene, scene.meshes[k]))
     meshes, row_of = [scene.meshes[k] for k in order], np.argsort(order)
-    count = sum(len(mesh.vertices) for mesh in meshes)
-    vertices = np.zeros((count + 2, 3), np.float32)  # Embree may read 16 bytes past the last vertex
-    np.concatenate([mesh.vertices for mesh in meshes], out=vertices[:-2])
+    corners = [mesh.vertices[: _corners(mesh)] for mesh in meshes]
+    vertices = np.zeros((sum(map(len, corners)) + 2, 3), np.float32)  # Embree may read 16 bytes past the last vertex
+    np.concatenate(corners, out=vertices[:-2])
     triangles = np.ascontiguousarray(np.concatenate([mesh.triangles for mesh in meshes]), np.uint32)
     table = _mesh_table(scene, meshes, wanted)
     device = Device()
     handles = []
     for mesh, row in zip(meshes, table, strict=True):
+        if mesh.spheres is not None:
+            handles.append(device.spheres(mesh.spheres, _transparency(scene, mesh, mesh.triangles)))
+            continue
         first, start = int(row[1]), int(row[0])
         own = vertices[first : first + len(mesh.vertices)], triangles[start : start + len(mesh.triangles)]
         handles.append(device.mesh(*own, _transparency(scene, mesh, own[1])))
-    radii = [float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max())) for mesh in meshes]
+    radii = [_extent(mesh) for mesh in meshes]
     of_instance = row_of[[instance.mesh for instance in scene.instances]]
     surfaces = Surfaces(
         meshes=Meshes(
@@ -143,7 +148,8 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
             eye_from_object=np.zeros((0, 12), np.float32),
         ),
         normals=_attribute([mesh.normals for mesh in meshes], meshes, 3) if wanted.smooth_normals else None,
-        colors=_attribute([mesh.colors for mesh in meshes], meshes, 3) if wanted.vertex_colors else None,
+        colors=_attribute([_vertex_colors(mesh) for mesh in meshes], meshes, 3) if wanted.vertex_colors else None,
+        point_colors=_point_colors(meshes) if wanted.point_colors else None,
         uvs=_uvs(scene, meshes, wanted) if wanted.textures else None,
         vertices=None,
         relit=None,
@@ -225,14 +231,41 @@ def _shows_textures(scene: Scene, mesh: Mesh) -> bool:
 
 def _lacks(scene: Scene, mesh: Mesh) -> tuple[bool, ...]:
     """By what meshes are laid out: those with an attribute come first, so that its array ends with the last of them."""
-    return not _shows_textures(scene, mesh), mesh.colors is None, mesh.normals is None
+    return not _shows_textures(scene, mesh), _vertex_colors(mesh) is None, mesh.normals is None
+
+
+def _corners(mesh: Mesh) -> int:
+    """How many of a mesh's vertices are corners of triangles: all, or none of spheres."""
+    return len(mesh.vertices) if mesh.spheres is None else 0
+
+
+def _vertex_colors(mesh: Mesh) -> Float32 | None:
+    return mesh.colors if mesh.spheres is None else None
+
+
+def _point_colors(meshes: Sequence[Mesh]) -> Float32:
+    """(s, 3) float32 of all spheres that have colours; not copied where one mesh has them all."""
+    found = [mesh.colors for mesh in meshes if mesh.spheres is not None and mesh.colors is not None]
+    return np.ascontiguousarray(found[0] if len(found) == 1 else np.concatenate(found), np.float32)
+
+
+def _extent(mesh: Mesh) -> float:
+    """How far a mesh reaches from its origin, object space."""
+    if mesh.spheres is not None:
+        x, y, z, radii = mesh.spheres.T
+        return float((np.sqrt(x * x + y * y + z * z) + radii).max())
+    return float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max()))
 
 
 def _mesh_table(scene: Scene, meshes: Sequence[Mesh], wanted: Needs) -> NDArray[np.uint32]:
     """(meshes, 4) uint32, a row of Meshes.mesh_table for each mesh."""
     table = np.zeros((len(meshes), 4), np.uint32)
-    triangle = vertex = 0
+    triangle = vertex = sphere = 0
     for row, mesh in zip(table, meshes, strict=True):
+        if mesh.spheres is not None:
+            row[:] = triangle, sphere, mesh.material, HAS_POINT_COLORS * (mesh.colors is not None)
+            sphere += len(mesh.spheres) if mesh.colors is not None else 0
+            continue
         flags = HAS_NORMALS * (mesh.normals is not None and wanted.smooth_normals)
         flags += HAS_COLORS * (mesh.colors is not None) + HAS_UVS * _shows_textures(scene, mesh)
         row[:] = triangle, vertex, mesh.material, flags
@@ -244,7 +277,7 @@ def _mesh_table(scene: Scene, meshes: Sequence[Mesh], wanted: Needs) -> NDArray[
 def _attribute(rows: Sequence[Float32 | None], meshes: Sequence[Mesh], width: int) -> Float32:
     """(v, width) float32 of the vertices of meshes up to the last that has rows; zero where one of them has none."""
     last = max(k for k, own in enumerate(rows) if own is not None)
-    parts = [np.zeros((len(mesh.vertices), width), np.float32) for mesh in meshes[: last + 1]]
+    parts = [np.zeros((_corners(mesh), width), np.float32) for mesh in meshes[: last + 1]]
     for part, own in zip(parts, rows, strict=False):
         if own is not None:
             part[:, : own.shape[1]] = own[:, :width]
@@ -316,7 +349,7 @@ def _emitters(scene: Scene, surfaces: Surfaces | None) -> Emitters:
     for k, instance in enumerate(scene.instances):
         mesh = scene.meshes[instance.mesh]
         emission = np.array(scene.materials[mesh.material].emission)
-        if emission.max() <= 0.0:
+        if emission.max() <= 0.0 or mesh.spheres is not None:  # rays see spheres that shine, and are not aimed at them
             continue
         corners = (mesh.vertices.astype(np.float64) @ instance.world_from_object[:3, :3].T)[mesh.triangles]
         areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
@@ -345,29 +378,3 @@ def _mean_light(scene: Scene, mesh: Mesh) -> Float64:
         return np.ones(3)
     mean: Float64 = srgb_decoded(scene.textures[number].texels / 255.0).mean(axis=(0, 1))
     return np.maximum(mean, DARKEST_MEAN)
-
-
-def mip_levels(texels: NDArray[np.uint8], *, linear: bool = False) -> NDArray[np.uint8]:
-    """(p, 3) texels of (h, w, 3) and of its mip levels, each half as wide and high, rounded down, to one texel.
-
-    A level's texel is the mean of what it covers in the level before; of sRGB texels, those not `linear`, in light.
-    """
-    of_byte = np.arange(256) / 255.0
-    levels, values = [texels.reshape(-1, 3)], (of_byte if linear else srgb_decoded(of_byte))[texels]
-    while values.shape[:2] != (1, 1):
-        values = _halved(_halved(values).swapaxes(0, 1)).swapaxes(0, 1)
-        level = values if linear else srgb_encoded(values)
-        levels.append(np.round(level * 255.0).astype(np.uint8).reshape(-1, 3))
-    return np.concatenate(levels)
-
-
-def _halved(rows: Float64) -> Float64:
-    """Means of rows (n, ...), half as many, rounded down, each of the same share of the n."""
-    n, half = len(rows), max(1, len(rows) // 2)
-    if n == 2 * half:
-        return 0.5 * (rows[::2] + rows[1::2])
-    edges = np.arange(half + 1) * (n / half)
-    whole = np.minimum(edges.astype(np.int64), n - 1)
-    sums = np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
-    at_edges = sums[whole] + (edges - whole).reshape(-1, *[1] * (rows.ndim - 1)) * rows[whole]
-    return np.diff(at_edges, axis=0) * (half / n)

@@ -165,6 +165,8 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         uv_sets=False,
         alpha=False,
         vertex_colors=True,
+        points=False,
+        point_colors=False,
         smooth_normals=True,
         mirrors=True,
         point_lights=True,

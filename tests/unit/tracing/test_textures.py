@@ -12,8 +12,9 @@ from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Sky, Texture
+from wall.tracing.mip_levels import mip_levels
 from wall.tracing.tracer import Tracer
-from wall.tracing.tracer_scene import make_tracer_scene, mip_levels
+from wall.tracing.tracer_scene import make_tracer_scene
 
 EDGE = 32  # texels
 NOISE = np.random.default_rng(5).integers(0, 256, (EDGE, EDGE, 3)).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Meets one ray with the triangles of a mesh, one by one: no tree is needed for a click."""
+"""Meets one ray with the triangles or spheres of a mesh, one by one: no tree is needed for a click."""
 
 from __future__ import annotations
 
@@ -41,3 +41,27 @@ def first_triangle(vertices, triangles, origin, direction, after, found):
             nearest, number = away, k
             found[0], found[1], found[2] = away, u, v
     return number
+
+
+@kernel
+def first_sphere(spheres, origin, direction, after):
+    """How many lengths of its direction a ray goes to a sphere, its front or back, beyond `after`; infinity: none.
+
+    spheres : (n, 4) float32, centres and radii; origin, direction : (3,) float64, in the spheres' space
+    """
+    dx, dy, dz = direction[0], direction[1], direction[2]
+    square = dx * dx + dy * dy + dz * dz
+    nearest = math.inf
+    for k in range(spheres.shape[0]):
+        x, y, z = spheres[k, 0] - origin[0], spheres[k, 1] - origin[1], spheres[k, 2] - origin[2]
+        radius = float(spheres[k, 3])
+        way = (x * dx + y * dy + z * dz) / square
+        ax, ay, az = x - way * dx, y - way * dy, z - way * dz
+        room = radius * radius - (ax * ax + ay * ay + az * az)
+        if room < 0.0:
+            continue
+        half = math.sqrt(room / square)
+        away = way - half if way - half > after else way + half
+        if after < away < nearest:
+            nearest = away
+    return nearest

@@ -31,6 +31,8 @@ def shape_of(mi: Any, scene: Scene, k: int, pose: Float64) -> Any:
     instance = scene.instances[k]
     mesh, called = scene.meshes[instance.mesh], instance.name
     material = scene.materials[mesh.material]
+    if mesh.spheres is not None:
+        raise RunError(f"object {called!r}: points are not handed to Mitsuba; wanted triangles")
     if mesh.colors is not None:
         raise RunError(f"object {called!r}: vertex colours are not handed to Mitsuba")
     if mesh.uvs is None:

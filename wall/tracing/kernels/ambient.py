@@ -25,7 +25,7 @@ from wall.tracing.kernels.path import (
     start_paths,
 )
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
-from wall.tracing.kernels.surface import colour_by_vertices, finish_surfaces, gather_surfaces
+from wall.tracing.kernels.surface import colour_by_vertices, colour_points, finish_surfaces, gather_surfaces
 from wall.tracing.kernels.textures import apply_textures
 from wall.tracing.kernels.trace import encode_normals, intersect
 from wall.tracing.kernels.values import ONE, PRIMARY_RAYS, ZERO
@@ -50,6 +50,7 @@ def trace_ambient(scene, camera, xy, samples, surfaces, materials, lights, work,
         if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) != 0:
             finish_surfaces(work)
             colour_by_vertices(surfaces.meshes, surfaces.colors, work)
+            colour_points(surfaces.meshes, surfaces.point_colors, work)
             apply_textures(surfaces, materials, surfaces.uvs, work)
             whiten(occlusion.white, work)
         encode_normals(True, surfaces.meshes.eye_from_object, materials.rows, work)

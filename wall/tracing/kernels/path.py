@@ -31,6 +31,7 @@ from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.scatter import scatter
 from wall.tracing.kernels.surface import (
     colour_by_vertices,
+    colour_points,
     finish_surfaces,
     gather_surfaces,
     material_of,
@@ -74,6 +75,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 finish_surfaces(work)
                 find_raises(surfaces.normals, surfaces.vertices, surfaces.meshes, work)
                 colour_by_vertices(surfaces.meshes, surfaces.colors, work)
+                colour_points(surfaces.meshes, surfaces.point_colors, work)
                 apply_textures(surfaces, materials, surfaces.uvs, work)
                 absorb(materials.absorbs, surfaces.meshes.placements, materials.rows, work)
             if bounce == 0:

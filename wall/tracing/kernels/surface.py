@@ -11,10 +11,12 @@ from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.values import (
+    FIRST_SPHERE,
     FIRST_TRIANGLE,
     FIRST_VERTEX,
     HAS_COLORS,
     HAS_NORMALS,
+    HAS_POINT_COLORS,
     MATERIAL_ROW,
     MESH_FLAGS,
     MISS,
@@ -26,6 +28,7 @@ from wall.tracing.kernels.values import (
 )
 
 NORMALS_FLAG, COLORS_FLAG = np.uint32(HAS_NORMALS), np.uint32(HAS_COLORS)
+POINT_COLORS_FLAG = np.uint32(HAS_POINT_COLORS)
 
 
 @inline_kernel
@@ -142,8 +145,24 @@ def colour_by_vertices(meshes, colors, work):
 
 
 @inline_kernel
+def colour_points(meshes, point_colors, work):
+    """Multiplies albedo by the colours (s, 3) float32 of spheres, where there are any; None does nothing."""
+    if point_colors is not None:
+        p, bits = work.packet, work.bits
+        for lane in range(16):
+            if p[rows.HIT + lane] == ZERO:
+                continue
+            mesh = meshes.mesh_table[bits[embree.INSTANCE + lane]]
+            if mesh[MESH_FLAGS] & POINT_COLORS_FLAG:
+                color = point_colors[np.int64(mesh[FIRST_SPHERE]) + np.int64(bits[embree.PRIMITIVE + lane])]
+                p[rows.ALBEDO_R + lane] *= color[0]
+                p[rows.ALBEDO_G + lane] *= color[1]
+                p[rows.ALBEDO_B + lane] *= color[2]
+
+
+@inline_kernel
 def seen_from_inside(placements, lane, work):
-    """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise.
+    """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise, or in a sphere.
 
     placements : Meshes.placements
     """

@@ -29,6 +29,7 @@ from wall.tracing.kernels.lights import (
 from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.surface import (
     colour_by_vertices,
+    colour_points,
     finish_surfaces,
     gather_surfaces,
     material_of,
@@ -119,6 +120,7 @@ def light_packet(scene, surfaces, materials, lights, work):
     finish_surfaces(work)
     find_raises(surfaces.normals, surfaces.vertices, surfaces.meshes, work)
     colour_by_vertices(surfaces.meshes, surfaces.colors, work)
+    colour_points(surfaces.meshes, surfaces.point_colors, work)
     apply_textures(surfaces, materials, surfaces.uvs, work)
     add_ambient(lights.environment, lights, work)
     for lane in range(16):

@@ -16,7 +16,14 @@ from wall.tracing.kernels import rows
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.lights import see_sky
 from wall.tracing.kernels.rows import xyz
-from wall.tracing.kernels.surface import colour_by_vertices, finish_surfaces, gather_surfaces, material_of, weights_of
+from wall.tracing.kernels.surface import (
+    colour_by_vertices,
+    colour_points,
+    finish_surfaces,
+    gather_surfaces,
+    material_of,
+    weights_of,
+)
 from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints
 from wall.tracing.kernels.textures import apply_textures
 from wall.tracing.kernels.trace import intersect
@@ -44,6 +51,7 @@ def look(scene, camera, xy, surfaces, materials, lights, work, points):
         if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) > 0:
             finish_surfaces(work)
             colour_by_vertices(surfaces.meshes, surfaces.colors, work)
+            colour_points(surfaces.meshes, surfaces.point_colors, work)
             apply_textures(surfaces, materials, surfaces.uvs, work)
         for lane in range(count):
             k = first + lane

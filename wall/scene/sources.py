@@ -1,0 +1,78 @@
+"""What a configuration puts in a scene's world: built-in scenes and models, joined into one source."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from wall.config.scene import SceneConfig, Up
+from wall.scene.animation import Moving
+from wall.scene.builtin.arcade import arcade
+from wall.scene.builtin.cornell import cornell
+from wall.scene.builtin.courtyard import courtyard
+from wall.scene.builtin.forest import forest
+from wall.scene.builtin.gallery import gallery, gallery_mirrors
+from wall.scene.builtin.museum import museum
+from wall.scene.builtin.spheres import spheres
+from wall.scene.model import Instance, Material, Mesh, Source, Texture, TextureSet
+
+BUILT_IN = {
+    "arcade": arcade,
+    "cornell": cornell,
+    "courtyard": courtyard,
+    "forest": forest,
+    "gallery": gallery,
+    "gallery_mirrors": gallery_mirrors,
+    "museum": museum,
+    "spheres": spheres,
+}
+
+
+def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
+    """The names of everything that is put in the scene's world."""
+    return scene_config.source if isinstance(scene_config.source, tuple) else (scene_config.source,)
+
+
+def make_source(name: str, base_folder: Path, up: Up = "auto") -> Source:
+    """A built-in scene by its name, or a model file; `up`: see SceneConfig."""
+    if name in BUILT_IN:
+        return BUILT_IN[name]()
+    from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
+
+    return load(base_folder / name, up)
+
+
+def joined(sources: Sequence[Source]) -> Source:
+    """Several sources in one world; lights and sky are those of the first that has any."""
+    if len(sources) == 1:
+        return sources[0]
+    meshes: list[Mesh] = []
+    materials: list[Material] = []
+    textures: list[Texture] = []
+    instances: list[Instance] = []
+    motions: list[Moving] = []
+    for source in sources:
+        motions += [replace(moving, body=moving.body + len(instances)) for moving in source.motions]
+        instances += [replace(i, mesh=i.mesh + len(meshes)) for i in source.instances]
+        meshes += [replace(m, material=m.material + len(materials)) for m in source.meshes]
+        materials += [_with_textures_from(len(textures), material) for material in source.materials]
+        textures += source.textures
+    return Source(
+        meshes=tuple(meshes),
+        materials=tuple(materials),
+        textures=tuple(textures),
+        instances=tuple(instances),
+        lights=next((source.lights for source in sources if source.lights is not None), None),
+        sky=next((source.sky for source in sources if source.sky is not None), None),
+        animation=tuple(track for source in sources for track in source.animation),
+        motions=tuple(motions),
+        path_depth=max((source.path_depth for source in sources if source.path_depth is not None), default=None),
+        cameras=tuple(camera for source in sources for camera in source.cameras),
+        notes=tuple(note for source in sources for note in source.notes),
+    )
+
+
+def _with_textures_from(first: int, material: Material) -> Material:
+    """A material whose textures stand `first` rows further on."""
+    return replace(material, textures=TextureSet(*(k if k is None else k + first for k in material.textures)))
