@@ -20,6 +20,7 @@ from wall.roles.edges import target_ranks
 from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan, why_not_at_renderer
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
+from wall.scene.build import Scene
 from wall.scene.sources import sources_of
 from wall.tracing.tracer_scene import make_tracer_scene
 
@@ -37,6 +38,7 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
     plan = make_plan(layout)
     scene, wall = plan.scene, layout.wall
     sampling = layout.sampling_of(layout.region(layout.renderers()[0]).view)
+    shown = (*sources_of(loaded.config.scene), *(data.file for data in loaded.config.scene.data))
     yield f"{loaded.path}: ok"
     yield f"wall: {len(wall.panels)} panels on {wall.width}x{wall.height} pixels, shown at {plan.view.refresh_hz:g} Hz"
     if len(plan.views) > 1:
@@ -44,7 +46,7 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
     if table := _displays(wall):
         yield table
     yield (
-        f"scene: {', '.join(sources_of(loaded.config.scene))}, {scene.triangles:,} triangles in "
+        f"scene: {', '.join(shown)}, {scene.triangles:,} {_primitives(scene)} in "
         f"{len(scene.instances):,} objects of {len(scene.meshes):,} meshes, "
         f"{len(scene.point_lights)} point, {len(scene.spot_lights)} spot and {len(scene.directional_lights)} "
         "directional lights"
@@ -79,6 +81,11 @@ def launch_line(layout: Layout, cores: int) -> str:
         f"launch: {start} on several machines; here {start.replace('mpirun', 'mpirun --oversubscribe')}: "
         f"{layout.size} ranks share {cores} cores"
     )
+
+
+def _primitives(scene: Scene) -> str:
+    spheres = [scene.meshes[instance.mesh].spheres is not None for instance in scene.instances]
+    return "spheres" if all(spheres) else "triangles and spheres" if any(spheres) else "triangles"
 
 
 def _described(view: ViewConfig) -> str:

@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field, model_validator
 
 from wall.config.materials import IntegratorConfig, MaterialConfig
+from wall.config.scene_data import DataConfig
 from wall.core.fields import (
     MOST_STRENGTH,
     Color,
@@ -258,9 +259,13 @@ Up = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 class SceneConfig(Model):
     """What is rendered."""
 
-    source: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=1000)] = Field(
+    source: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=1000)] | None = Field(
+        default=None,
         description="a built-in scene (arcade, cornell, courtyard, forest, gallery, gallery_mirrors, museum, spheres), "
-        "a .glb, .gltf, .obj, .ply or .stl file relative to this one, or a list of them, in one world"
+        "a .glb, .gltf, .obj, .ply or .stl file relative to this one, or a list of them, in one world",
+    )
+    data: Annotated[tuple[DataConfig, ...], Field(max_length=1000)] = Field(
+        default=(), description="points, surfaces and fields of measurements and simulations, in the same world"
     )
     up: Up = Field(
         default="auto",
@@ -284,6 +289,12 @@ class SceneConfig(Model):
     cuts: Annotated[tuple[CutConfig, ...], Field(max_length=MOST_CUTS)] = Field(
         default=(), description="planes that cut the scene open: what lies beyond any of them is not there"
     )
+
+    @model_validator(mode="after")
+    def _shows_something(self) -> SceneConfig:
+        if self.source is None and not self.data:
+            raise refusal("names nothing to show", accepted="source: NAME or FILE, or data: [...], or both")
+        return self
 
     @model_validator(mode="after")
     def _one_surrounding(self) -> SceneConfig:

@@ -16,6 +16,7 @@ from wall.config.loading import dump
 from wall.core.errors import ConfigError
 from wall.core.files import read_file
 from wall.roles.plan import HEAD, Layout
+from wall.scene.data.samples import BUILT_IN_DATA
 from wall.scene.gltf import MOST_BYTES
 from wall.scene.sources import BUILT_IN, sources_of
 
@@ -70,6 +71,7 @@ def fingerprints(layout: Layout) -> dict[str, str]:
     """By name, what tells the program, the configuration as it is run, and the files of its scene from others."""
     loaded, scene = layout.loaded, layout.config.scene
     files = [name for name in sources_of(scene) if name not in BUILT_IN]
+    files += [data.file for data in scene.data if data.file not in BUILT_IN_DATA]
     files += [] if scene.environment is None else [scene.environment.file]
     prints = {
         f"the program (wall {version('wall')})": _of_program(),

@@ -190,6 +190,10 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     Raises SceneError where a model or an environment cannot be used, or where the animation names what does not exist.
     """
     sources = [make_source(name, base_folder, scene_config.up) for name in sources_of(scene_config)]
+    if scene_config.data:
+        from wall.scene.data.loading import load_data  # brings Matplotlib's colours
+
+        sources += [load_data(data, base_folder, where=f"scene.data[{k}]") for k, data in enumerate(scene_config.data)]
     scene = assemble(_configured(joined(sources), scene_config, base_folder))
     return replace(scene, cuts=cuts_of(scene_config.cuts)) if scene_config.cuts else scene
 

@@ -45,12 +45,8 @@ from wall.scene.gltf_animation import motions_of
 from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.repair import RawMesh, Repaired, repair
+from wall.scene.up import Y_FROM
 
-Y_FROM: dict[str, list[list[float]]] = {  # rotations that turn a direction to y
-    "x": [[0, -1, 0], [1, 0, 0], [0, 0, 1]], "-x": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
-    "y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "-y": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
-    "z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]], "-z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
-}  # fmt: skip
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 FLATTEST = 1e-7  # smallest over largest stretch of a placement that can still be inverted
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7  # of a whole model, world units; others are scaled to radius 1

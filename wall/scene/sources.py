@@ -30,8 +30,9 @@ BUILT_IN = {
 
 
 def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
-    """The names of everything that is put in the scene's world."""
-    return scene_config.source if isinstance(scene_config.source, tuple) else (scene_config.source,)
+    """The names of the built-in scenes and models that are put in the scene's world."""
+    source = scene_config.source
+    return () if source is None else source if isinstance(source, tuple) else (source,)
 
 
 def make_source(name: str, base_folder: Path, up: Up = "auto") -> Source:

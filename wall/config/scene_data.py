@@ -1,0 +1,111 @@
+"""Models of `scene.data:`: points and fields of measurements and simulations, and their colours."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field, model_validator
+
+from wall.core.color_maps import ColorMap
+from wall.core.fields import Model, Number, Point, Positive, Share, Text, Whole, refusal
+
+Column = Text | Annotated[Whole, Ge(0), Le(65535)]
+Three = tuple[Column, Column, Column]
+
+
+class RadiusColumnConfig(Model):
+    """Radii from a column."""
+
+    column: Column = Field(description="name, or number from 0")
+    factor: Positive = Field(default=1.0, description="by which its numbers are multiplied to world units")
+
+
+class ColorColumnsConfig(Model):
+    """Colours that the file has itself."""
+
+    columns: Three = Field(description="red, green and blue: sRGB, whole numbers 0..255 or others 0..1")
+
+
+class ScalarColorConfig(Model):
+    """Colours of a column's numbers."""
+
+    column: Column = Field(description="name, or number from 0")
+    color_map: ColorMap = Field(default=ColorMap(), description="which colours stand for which numbers")
+
+
+class _DataConfig(Model):
+    file: Text = Field(description="relative to this file")
+    name: Text | None = Field(default=None, description="of the object and of its material; absent = the file's name")
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] = Field(
+        default="y", description="which way is up in the file; it is turned so that it is y"
+    )
+    scale: Positive = Field(default=1.0, description="by which the file's coordinates are multiplied")
+    position: Point = Field(default=(0.0, 0.0, 0.0), description="where the file's origin is put, world units")
+    color: tuple[Share, Share, Share] | None = Field(default=None, description="linear RGB of all of it, 0..1")
+
+
+class PointsConfig(_DataConfig):
+    """Points, each drawn as a sphere."""
+
+    type: Literal["points"] = Field(description="points, each drawn as a sphere")
+    file: Text = Field(
+        description="relative to this file: .ply, .npy, .npz, .csv, .txt or .xyz; or galaxy, which is built in"
+    )
+    columns: Three | None = Field(
+        default=None, description="of the coordinates; absent = x, y, z, or the first three numbers of a row"
+    )
+    radius: Positive | RadiusColumnConfig = Field(description="of the spheres: units of the file, or a column of it")
+    color_by: ScalarColorConfig | ColorColumnsConfig | None = Field(
+        default=None, description="colours from columns; absent = red, green, blue of the file, where it has them"
+    )
+
+    @model_validator(mode="after")
+    def _one_colour(self) -> PointsConfig:
+        _check_one_colour(self.color, self.color_by)
+        return self
+
+
+def _check_one_colour(color: object, color_by: object) -> None:
+    if color is not None and color_by is not None:
+        raise refusal("names both a color and a color_by", accepted="one of color, color_by")
+
+
+class ArrayColorConfig(Model):
+    """Colours of the numbers of an array."""
+
+    array: Text = Field(description="name of an array of points or cells; of vectors the length is taken")
+    color_map: ColorMap = Field(default=ColorMap(), description="which colours stand for which numbers")
+
+
+class _FieldConfig(_DataConfig):
+    color_by: ArrayColorConfig | None = Field(default=None, description="colours from an array; absent = one colour")
+
+    @model_validator(mode="after")
+    def _one_colour(self) -> _FieldConfig:
+        _check_one_colour(self.color, self.color_by)
+        return self
+
+
+class SurfaceConfig(_FieldConfig):
+    """The surface of a VTK file: its polygons, or the outer faces of its cells."""
+
+    type: Literal["surface"] = Field(description="polygons of a VTK file, or the outer faces of its cells")
+    file: Text = Field(description="relative to this file: .vtp, .vtu, .vtk, .vti, .vts or .vtr; needs wall[data]")
+
+
+class IsosurfaceConfig(_FieldConfig):
+    """Where a field has a value."""
+
+    type: Literal["isosurface"] = Field(description="where a field of a VTK file has a value")
+    file: Text = Field(
+        description="relative to this file: .vti, .vtu, .vtk, .vts, .vtr, .mha or .mhd; or orbital, which is built in; "
+        "needs wall[data]"
+    )
+    array: Text | None = Field(default=None, description="name of the field; absent = the file's only one")
+    value: Number | Annotated[tuple[Number, ...], Field(min_length=1, max_length=64)] = Field(
+        description="of the field, or several: a surface each"
+    )
+
+
+DataConfig = Annotated[PointsConfig | SurfaceConfig | IsosurfaceConfig, Field(discriminator="type")]

@@ -1,0 +1,69 @@
+"""Points of a file as spheres with radii and colours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from wall.config.scene_data import ColorColumnsConfig, PointsConfig, RadiusColumnConfig, ScalarColorConfig
+from wall.core.colour import srgb_decoded
+from wall.core.data import Float32, Float64
+from wall.core.errors import SceneError
+from wall.scene.data.tables import COLORS, Table, read_table
+from wall.scene.model import Mesh
+from wall.scene.points import FARTHEST, sphere_points
+
+
+def points_mesh(config: PointsConfig, path: Path, name: str, where: str) -> tuple[Mesh, tuple[str, ...]]:
+    """The spheres of a file, with material 0, and notes.
+
+    where : of the entry in the configuration, for errors. Raises SceneError.
+    """
+    table = read_table(path)
+    spheres = _spheres(config, table, where)
+    colors, notes = _colors(config, table, where)
+    with np.errstate(invalid="ignore"):
+        kept = (np.abs(spheres) <= FARTHEST).all(axis=1) & (spheres[:, 3] > 0.0)
+    if not kept.any():
+        raise SceneError(
+            f"{where}: {path.name} holds {len(spheres)} points, none with finite coordinates and a radius above 0"
+        )
+    if not kept.all():
+        left_out = np.count_nonzero(~kept)
+        notes += (f"{name}: {left_out} points have no finite coordinates or no radius above 0, and are left out",)
+        spheres, colors = spheres[kept], None if colors is None else colors[kept]
+    return sphere_points(spheres, material=0, name=name, colors=colors), notes
+
+
+def _spheres(config: PointsConfig, table: Table, where: str) -> Float64:
+    """(n, 4) centres and radii, units of the file."""
+    columns = config.columns or table.position_columns
+    spheres = np.empty((len(table), 4))
+    for k, column in enumerate(columns):
+        spheres[:, k] = table.column(column, f"{where}.columns")
+    if isinstance(config.radius, RadiusColumnConfig):
+        spheres[:, 3] = table.column(config.radius.column, f"{where}.radius.column")
+        spheres[:, 3] *= config.radius.factor
+    else:
+        spheres[:, 3] = config.radius
+    return spheres
+
+
+def _colors(config: PointsConfig, table: Table, where: str) -> tuple[Float32 | None, tuple[str, ...]]:
+    """(n, 3) linear RGB, None where all points have one colour, and notes."""
+    if config.color is not None:
+        return None, ()
+    match config.color_by:
+        case ScalarColorConfig(column=column, color_map=color_map):
+            values = table.column(column, f"{where}.color_by.column").astype(np.float64)
+            return color_map.colors(values), color_map.described(values, str(column))
+        case ColorColumnsConfig(columns=columns):
+            parts = [table.column(column, f"{where}.color_by.columns") for column in columns]
+        case None if set(COLORS) <= set(table.columns):
+            parts = [table.columns[column] for column in COLORS]
+        case _:
+            return None, ()
+    whole = all(np.issubdtype(part.dtype, np.integer) or part.max(initial=0.0) > 1.0 for part in parts[:1])
+    colors = np.stack(parts, axis=1).astype(np.float32) * np.float32(1.0 / 255.0 if whole else 1.0)
+    return srgb_decoded(np.clip(np.nan_to_num(colors), 0.0, 1.0)), ()

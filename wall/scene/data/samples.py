@@ -1,0 +1,60 @@
+"""Data made here, to try things with: named in place of a file, as built-in scenes are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Float32, Float64
+
+STARS = 200_000
+SEED = 7
+ARMS, WINDING = 2, 4.2  # of the galaxy; radians that an arm turns from the middle to the rim
+BULGE = 0.22  # share of the stars that are in the middle
+GRID = 96  # points of a field along each axis
+REACH = 18.0  # of a field, from the middle; Bohr radii
+
+
+def galaxy(count: int = STARS) -> dict[str, NDArray[Any]]:
+    """Stars of a spiral galaxy of radius 1 in the plane y = 0: x, y, z, size, speed; the same every time."""
+    chance = np.random.default_rng(SEED)
+    middle = chance.random(count) < BULGE
+    out = np.where(middle, 0.14 * np.abs(chance.standard_normal(count)), chance.beta(1.3, 2.0, count))
+    arm = 2.0 * np.pi / ARMS * chance.integers(0, ARMS, count) + WINDING * np.sqrt(out)
+    turn = np.where(middle, chance.uniform(0.0, 2.0 * np.pi, count), arm + _scattered(chance, count))
+    height = np.where(middle, 0.10, 0.012 + 0.02 * out) * chance.standard_normal(count) * np.exp(-2.0 * out)
+    columns = {
+        "x": out * np.cos(turn),
+        "y": height,
+        "z": out * np.sin(turn),
+        "size": 0.6 + chance.pareto(3.0, count).clip(0.0, 4.0),
+        "speed": 220.0 * np.tanh(9.0 * out) + 12.0 * chance.standard_normal(count),
+    }
+    return {name: values.astype(np.float32) for name, values in columns.items()}
+
+
+def _scattered(chance: np.random.Generator, count: int) -> Float64:
+    """(count,) turns from the arms, radians: most near, a third anywhere."""
+    near, wide = 0.22 * chance.standard_normal(count), chance.uniform(-np.pi / ARMS, np.pi / ARMS, count)
+    return np.where(chance.random(count) < 0.35, wide, near)
+
+
+def orbital(points: int = GRID) -> tuple[dict[str, Float32], float]:
+    """An electron's orbital, 4f xyz of hydrogen: arrays (z, y, x) on a grid about the origin, and the grid's spacing.
+
+    density : of probability over its greatest; phase : of the wave, -1 or 1, smooth between; radius : Bohr radii
+    """
+    axis = np.linspace(-REACH, REACH, points)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    radius = np.sqrt(x * x + y * y + z * z)
+    wave = x * y * z * np.exp(-radius / 4.0)
+    wave /= np.abs(wave).max()
+    fields = {"density": wave**2, "phase": np.tanh(4.0 * wave), "radius": radius}
+    return {name: values.astype(np.float32) for name, values in fields.items()}, float(axis[1] - axis[0])
+
+
+POINTS = {"galaxy": galaxy}
+FIELDS = {"orbital": orbital}
+BUILT_IN_DATA = frozenset({*POINTS, *FIELDS})
