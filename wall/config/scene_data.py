@@ -22,16 +22,19 @@ class RadiusColumnConfig(Model):
 
 
 class ColorColumnsConfig(Model):
-    """Colours that the file has itself."""
+    """Colours from one column, through a colour map, or from three."""
 
-    columns: Three = Field(description="red, green and blue: sRGB, whole numbers 0..255 or others 0..1")
+    column: Column | None = Field(default=None, description="name, or number from 0: numbers for a colour map")
+    color_map: ColorMap = Field(default=ColorMap(), description="which colours stand for the column's numbers")
+    columns: Three | None = Field(
+        default=None, description="instead: red, green and blue, sRGB, whole numbers 0..255 or others 0..1"
+    )
 
-
-class ScalarColorConfig(Model):
-    """Colours of a column's numbers."""
-
-    column: Column = Field(description="name, or number from 0")
-    color_map: ColorMap = Field(default=ColorMap(), description="which colours stand for which numbers")
+    @model_validator(mode="after")
+    def _one_kind(self) -> ColorColumnsConfig:
+        if (self.column is None) == (self.columns is None):
+            raise refusal("needs either a column or three columns", accepted="one of column, columns")
+        return self
 
 
 class _DataConfig(Model):
@@ -56,7 +59,7 @@ class PointsConfig(_DataConfig):
         default=None, description="of the coordinates; absent = x, y, z, or the first three numbers of a row"
     )
     radius: Positive | RadiusColumnConfig = Field(description="of the spheres: units of the file, or a column of it")
-    color_by: ScalarColorConfig | ColorColumnsConfig | None = Field(
+    color_by: ColorColumnsConfig | None = Field(
         default=None, description="colours from columns; absent = red, green, blue of the file, where it has them"
     )
 

@@ -12,6 +12,7 @@ from wall.operators.blend_edges import BlendEdges
 from wall.operators.colour import Colour, Encode
 from wall.operators.denoise import Denoise
 from wall.operators.depth import Depth
+from wall.operators.legend import Legend
 from wall.operators.mask import Mask
 from wall.operators.means import AgeBlend, Average
 from wall.operators.over import Over
@@ -35,7 +36,7 @@ def name_of(operator: type[Operator]) -> str | None:
 
 BUILT_IN: tuple[type[Operator], ...] = (
     AgeBlend, Average, BlendEdges, Colour, Constant, Crop, Denoise, Depth, Encode,
-    Flip, ImageSource, Mask, Newest, Over, Overlay, Rotate, Scale, Tile, Warp,
+    Flip, ImageSource, Legend, Mask, Newest, Over, Overlay, Rotate, Scale, Tile, Warp,
 )  # fmt: skip
 OPERATORS: dict[str, type[Operator]] = {str(name_of(operator)): operator for operator in BUILT_IN}
 RESERVED = frozenset({"samples", "reconstruct", "sky", "sink"})  # nodes of a graph that are not operators

@@ -76,7 +76,7 @@ def test_good_text_loads() -> None:
         (
             "source: courtyard",
             "sorce: x",
-            "scene.sorce: unknown key; accepted: source, up, materials, lights, sky, environment, animation, "
+            "scene.sorce: unknown key; accepted: source, data, up, materials, lights, sky, environment, animation, "
             "integrator, cuts; did you",
         ),
         (
@@ -238,7 +238,7 @@ def test_all_errors_are_reported_at_once_in_the_order_of_the_file() -> None:
 
     positions = [line.split(": ")[0] for line in refusal(text).splitlines()]
 
-    assert positions == ["a.yaml:2:1", "a.yaml:3:3", "a.yaml:5:19", "a.yaml:7:59"]
+    assert positions == ["a.yaml:3:3", "a.yaml:5:19", "a.yaml:7:59"]
 
 
 def test_list_whose_entries_are_wrong_is_not_called_short_as_well() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wall.config.scene_data import ColorColumnsConfig, PointsConfig, RadiusColumnConfig, ScalarColorConfig
+from wall.config.scene_data import PointsConfig, RadiusColumnConfig
 from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
 from wall.core.errors import SceneError
@@ -52,18 +52,16 @@ def _spheres(config: PointsConfig, table: Table, where: str) -> Float64:
 
 def _colors(config: PointsConfig, table: Table, where: str) -> tuple[Float32 | None, tuple[str, ...]]:
     """(n, 3) linear RGB, None where all points have one colour, and notes."""
-    if config.color is not None:
+    color_by = config.color_by
+    if color_by is not None and color_by.column is not None:
+        values = table.column(color_by.column, f"{where}.color_by.column").astype(np.float64)
+        return color_by.color_map.colors(values), color_by.color_map.described(values, str(color_by.column))
+    if color_by is not None and color_by.columns is not None:
+        parts = [table.column(column, f"{where}.color_by.columns") for column in color_by.columns]
+    elif config.color is None and set(COLORS) <= set(table.columns):
+        parts = [table.columns[column] for column in COLORS]
+    else:
         return None, ()
-    match config.color_by:
-        case ScalarColorConfig(column=column, color_map=color_map):
-            values = table.column(column, f"{where}.color_by.column").astype(np.float64)
-            return color_map.colors(values), color_map.described(values, str(column))
-        case ColorColumnsConfig(columns=columns):
-            parts = [table.column(column, f"{where}.color_by.columns") for column in columns]
-        case None if set(COLORS) <= set(table.columns):
-            parts = [table.columns[column] for column in COLORS]
-        case _:
-            return None, ()
     whole = all(np.issubdtype(part.dtype, np.integer) or part.max(initial=0.0) > 1.0 for part in parts[:1])
     colors = np.stack(parts, axis=1).astype(np.float32) * np.float32(1.0 / 255.0 if whole else 1.0)
     return srgb_decoded(np.clip(np.nan_to_num(colors), 0.0, 1.0)), ()
