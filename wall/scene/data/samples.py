@@ -11,10 +11,10 @@ from wall.core.data import Float32, Float64
 
 STARS = 200_000
 SEED = 7
-ARMS, WINDING = 2, 4.2  # of the galaxy; radians that an arm turns from the middle to the rim
-BULGE = 0.22  # share of the stars that are in the middle
+ARMS, WINDING = 2, 6.0  # of the galaxy; radians that an arm turns from the middle to the rim
+BULGE = 0.16  # share of the stars that are in the middle
 GRID = 96  # points of a field along each axis
-REACH = 18.0  # of a field, from the middle; Bohr radii
+REACH = 28.0  # of a field, from the middle; Bohr radii
 
 
 def galaxy(count: int = STARS) -> dict[str, NDArray[Any]]:
@@ -30,15 +30,15 @@ def galaxy(count: int = STARS) -> dict[str, NDArray[Any]]:
         "y": height,
         "z": out * np.sin(turn),
         "size": 0.6 + chance.pareto(3.0, count).clip(0.0, 4.0),
-        "speed": 220.0 * np.tanh(9.0 * out) + 12.0 * chance.standard_normal(count),
+        "speed": 240.0 * (1.0 - np.exp(-3.0 * out)) + 8.0 * chance.standard_normal(count),
     }
     return {name: values.astype(np.float32) for name, values in columns.items()}
 
 
 def _scattered(chance: np.random.Generator, count: int) -> Float64:
-    """(count,) turns from the arms, radians: most near, a third anywhere."""
-    near, wide = 0.22 * chance.standard_normal(count), chance.uniform(-np.pi / ARMS, np.pi / ARMS, count)
-    return np.where(chance.random(count) < 0.35, wide, near)
+    """(count,) turns from the arms, radians: most near, a fifth anywhere."""
+    near, wide = 0.17 * chance.standard_normal(count), chance.uniform(-np.pi / ARMS, np.pi / ARMS, count)
+    return np.where(chance.random(count) < 0.2, wide, near)
 
 
 def orbital(points: int = GRID) -> tuple[dict[str, Float32], float]:
