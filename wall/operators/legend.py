@@ -94,7 +94,7 @@ class Legend(Operator):
             top = int(pen.multiline_textbbox((margin, top), self.title, font=font)[3]) + margin
         bar = self._bar(image.size, top, upright=upright)
         image.paste(Image.fromarray(self._colors(bar, upright=upright)), (bar.x, bar.y))
-        for number in self._numbers((bar.height if upright else bar.width) // (3 * self.size)):
+        for number in self._numbers(bar.height // (2 * self.size) if upright else bar.width // (4 * self.size)):
             share = float(self.color_map.places(np.array([number]))[0])
             text = f"{number:.6g}"
             if upright:
