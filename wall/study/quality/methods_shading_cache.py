@@ -30,6 +30,7 @@ from functools import partial
 import numpy as np
 
 from wall.core.data import SAMPLE, Event, Float32, Samples
+from wall.core.errors import RunError
 from wall.scene.build import Scene
 from wall.study.quality.baseline import AVERAGED_FOOTPRINT, FramelessMethod, Maps, fill_holes
 from wall.study.quality.kernels import shading_cache as kernels
@@ -139,6 +140,8 @@ def points_of(count: int) -> kernels.Points:
 def patches_of(scene: Scene, pixels: int) -> kernels.Patches:
     """The triangles of every object as patches without light, and room for those of an image of so many pixels."""
     meshes = [scene.meshes[instance.mesh] for instance in scene.instances]
+    if any(mesh.spheres is not None for mesh in meshes):
+        raise RunError("the shading cache keeps light at corners of triangles; the scene has points, wanted none")
     triangles, vertices = (sum(len(getattr(m, name)) for m in meshes) for name in ("triangles", "vertices"))
     n, v = triangles + PATCHES_A_PIXEL * pixels, vertices + VERTICES_A_PIXEL * pixels
     corners, position = np.full((n, 4), -1, np.int32), np.zeros((v, 3), np.float32)
