@@ -8,7 +8,7 @@ from typing import Any
 
 from wall.config.loading import Loaded, default_for_model, load, load_values, nearest
 from wall.core.errors import ConfigError
-from wall.scene.build import BUILT_IN
+from wall.scene.sources import BUILT_IN
 
 DEMO = Path(__file__).resolve().parents[1] / "demo.yaml"  # configs/demo.yaml, which is packaged under this name
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")

@@ -97,7 +97,17 @@ def _of_surfaces(scene: Scene) -> Iterator[Feature]:
         name="alpha", used=wanted.alpha, why=of_materials(lambda m: m.alpha_mode != "opaque"),
         without=lambda: _changed(scene, alpha_mode="opaque"),
     )  # fmt: skip
-    yield _attribute(scene, meshes, "vertex colours", "colors", wanted.vertex_colors)
+    spheres = [mesh for mesh in meshes if mesh.spheres is not None]
+    triangles = [mesh for mesh in meshes if mesh.spheres is None]
+    yield Feature(
+        name="points", used=wanted.points, why=f"{len(spheres)} of {len(meshes)} meshes are spheres",
+        bytes=sum(mesh.spheres.nbytes for mesh in meshes if mesh.spheres is not None),
+        without=lambda: replace(
+            scene, instances=tuple(each for each in scene.instances if scene.meshes[each.mesh].spheres is None)
+        ),
+    )  # fmt: skip
+    yield _attribute(scene, spheres, "colours of points", "colors", wanted.point_colors)
+    yield _attribute(scene, triangles, "vertex colours", "colors", wanted.vertex_colors)
     yield _attribute(scene, meshes, "smooth normals", "normals", wanted.smooth_normals)
     yield Feature(
         name="mirrors", used=wanted.mirrors, why=of_materials(lambda m: m.mirror > 0.0),
@@ -211,12 +221,15 @@ def _mesh_bytes(mesh: Mesh) -> int:
 
 
 def _attribute(scene: Scene, meshes: Sequence[Mesh], name: str, attribute: str, used: bool) -> Feature:
-    """An attribute of vertices."""
+    """An attribute of the vertices of some meshes."""
     rows = [getattr(mesh, attribute) for mesh in meshes if getattr(mesh, attribute) is not None]
     none: dict[str, Any] = {attribute: None}
     return Feature(
         name=name, used=used, why=f"{len(rows)} of {len(meshes)} meshes", bytes=sum(each.nbytes for each in rows),
-        without=lambda: replace(scene, meshes=tuple(replace(mesh, **none) for mesh in scene.meshes)),
+        without=lambda: replace(
+            scene,
+            meshes=tuple(replace(m, **none) if any(m is each for each in meshes) else m for m in scene.meshes),
+        ),
     )  # fmt: skip
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError, SceneError
-from wall.scene.build import joined, make_source, sources_of
 from wall.scene.lights import default_lights
 from wall.scene.model import AreaLight, DirectionalLight, Light, PointLight, Source
+from wall.scene.sources import joined, make_source, sources_of
 
 
 def source_of(loaded: Loaded) -> Source:

@@ -13,8 +13,8 @@ from wall.commands.inputs import load_any
 from wall.config.loading import Loaded, load_values, with_up
 from wall.core.errors import ConfigError
 from wall.roles.plan import Plan, aimed, load_scene, make_layout
-from wall.scene.build import BUILT_IN
 from wall.scene.build import Scene as BuiltScene
+from wall.scene.sources import BUILT_IN
 from wall.scripting.own_words import animation_of, lights_of
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
