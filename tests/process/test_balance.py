@@ -28,7 +28,7 @@ wall: {grid: {columns: 2, rows: 1, pixels: [96, 96], size: [0.48, 0.48], bezel: 
 views: [{id: main, camera: {position: [5.2, 2.6, 6.6], target: [5.0, 2.4, -2.6], fov: 62}, refresh_hz: 30}]
 sampling: {method: frameless, samples_per_batch: 512}
 graph: {preset: sort-first, balance: true, sinks: [browser, png]}
-transport: {heartbeat_s: 0.2, lost_after_s: 20}
+transport: {heartbeat_s: 0.2, lost_after_s: 20, restarts: 0}
 """
 PATIENCE_S = 60.0
 

@@ -131,10 +131,15 @@ def recorded_events(recorded: Recorded, view: int) -> tuple[list[Event], float]:
     if not ranks:
         name = recorded.plan.layout.config.views[view].id
         raise RunError(f"{recorded.folder}: no renderer of view {name} is there; wanted one of its rank-N.events")
-    reader = EventReader(file_of(recorded.folder, ranks[0]))
-    messages = (parse_control(data) for data in reader.messages())
-    events = [message for message in messages if isinstance(message, Event) and message.view == view]
-    return sorted(events, key=lambda event: (event.input_time, event.number)), reader.seconds[1]
+    events, end = {}, 0.0
+    for rank in ranks:
+        for life in recorded.lives(rank):
+            reader = EventReader(file_of(recorded.folder, rank, life))
+            for message in map(parse_control, reader.messages()):
+                if isinstance(message, Event) and message.view == view:
+                    events[message.number] = message
+            end = max(end, reader.seconds[1])
+    return sorted(events.values(), key=lambda event: (event.input_time, event.number)), end
 
 
 class _FoundError(Exception):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -110,11 +111,14 @@ def _print_of(data: bytes | None) -> str:
 
 
 def _named_in(path: Path, data: bytes | None) -> list[Path]:
-    """The files that a .gltf or an .obj names; none of one that makes no sense, which is said elsewhere."""
+    """The files that a .gltf, an .obj or an .mhd names; none of one that makes no sense, which is said elsewhere."""
     suffix, text = path.suffix.lower(), (data or b"").decode("utf-8-sig", "replace")
     if suffix == ".obj":
         words = (line.split(None, 1) for line in text.splitlines() if line.startswith("mtllib "))
         return [path.parent / both[1].strip() for both in words if len(both) == 2]
+    if suffix == ".mhd":
+        named = re.search(r"^ElementDataFile\s*=\s*(\S.*?)\s*$", text, re.MULTILINE)
+        return [] if named is None or named[1] in ("LOCAL", "LIST") else [path.parent / named[1]]
     try:
         header: dict[str, Any] = json.loads(text) if suffix == ".gltf" else {}
         parts = [*header.get("buffers", []), *header.get("images", [])]

@@ -102,9 +102,7 @@ def _of_surfaces(scene: Scene) -> Iterator[Feature]:
     yield Feature(
         name="points", used=wanted.points, why=f"{len(spheres)} of {len(meshes)} meshes are spheres",
         bytes=sum(mesh.spheres.nbytes for mesh in meshes if mesh.spheres is not None),
-        without=lambda: replace(
-            scene, instances=tuple(each for each in scene.instances if scene.meshes[each.mesh].spheres is None)
-        ),
+        without=(lambda: _without_points(scene)) if triangles else None,
     )  # fmt: skip
     yield _attribute(scene, spheres, "colours of points", "colors", wanted.point_colors)
     yield _attribute(scene, triangles, "vertex colours", "colors", wanted.vertex_colors)
@@ -254,6 +252,15 @@ def _other_tracks(scene: Scene, *prefixes: str) -> tuple[ParameterTrack, ...]:
 def _direct(scene: Scene) -> Scene:
     tracks = _other_tracks(scene, "lens.", "integrator.")
     return replace(scene, path_depth=None, occlusion=None, lens=None, parameter_tracks=tracks)
+
+
+def _without_points(scene: Scene) -> Scene:
+    """The scene without objects that are spheres; lights keep their rows behind those of objects."""
+    placed = [scene.meshes[each.mesh].spheres is None for each in scene.instances]
+    kept = np.concatenate([placed, np.ones(len(scene.rest) - len(placed), np.bool_)])
+    rows = np.cumsum(kept) - 1
+    instances = tuple(each for each, stays in zip(scene.instances, placed, strict=True) if stays)
+    return replace(scene, instances=instances, rest=scene.rest[kept], tracks=_kept_tracks(scene.tracks, kept, rows))
 
 
 def _without_lights(scene: Scene, kind: str) -> Scene:

@@ -62,7 +62,7 @@ class Scene:
         """Put another model file, or built-in scene, into the same world; relative to the current folder."""
         path = Path(source)
         name = str(source) if str(source) in BUILT_IN and not path.exists() else str(path.absolute())
-        now = self._values["scene"]["source"]
+        now = self._values["scene"].get("source") or []
         self.set(source=[*(now if isinstance(now, list) else [now]), name])
 
     def add_light(self, **words: Any) -> None:

@@ -30,6 +30,12 @@ CASES: dict[str, tuple[Operator, int]] = {  # the operator, and how many inputs 
     "encode": (made(OPERATORS["encode"], input="a"), 1),
     "flip": (made(OPERATORS["flip"], input="a", axis="horizontal"), 1),
     "flip vertically": (made(OPERATORS["flip"], input="a", axis="vertical"), 1),
+    "legend": (
+        made(
+            OPERATORS["legend"], input="a", color_map={"name": "viridis", "range": (0, 1)}, area=(2, 3, 26, 26), size=6
+        ),
+        1,
+    ),
     "mask": (made(OPERATORS["mask"], input="a", file="spot.png"), 1),
     "mask of an area": (made(OPERATORS["mask"], input="a", area=(3, 2, 5, 20), invert=True), 1),
     "newest": (made(OPERATORS["newest"], inputs=THREE), 3),

@@ -41,6 +41,7 @@ def test_without_a_feature_a_scene_has_all_others(path_depth: int | None) -> Non
     """Roughness, emission and normals are textures too, and what only paths know goes with them."""
     scene = everything(path_depth)
     goes_with = {
+        "points": {"colours of points"},
         "paths": ON_PATHS,
         "textures": OF_TEXTURES,
         "normal maps": {"several texture coordinates"},  # which only that one is looked up by

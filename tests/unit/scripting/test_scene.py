@@ -13,7 +13,7 @@ import wall
 from wall.commands.inputs import CAMERAS
 from wall.config.loading import load
 from wall.core.errors import ConfigError
-from wall.scene.build import BUILT_IN
+from wall.scene.sources import BUILT_IN
 from wall.scripting.own_words import source_of
 
 CONFIG = """\

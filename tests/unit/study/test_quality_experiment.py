@@ -154,7 +154,7 @@ def test_plain_method_spends_its_rate_and_never_more(setup: Setup, name: str) ->
     for refresh in range(1, 31):
         method.advance(refresh / 60)
         assert rate * refresh / 60 - most <= method.rays <= rate * refresh / 60 + 1
-    assert method.bytes > 4 * method.rays
+    assert method.bytes > 3 * method.rays
     assert method.show(0.5).shape == (24, 32, 3)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import gc
 import multiprocessing
 import os
 import signal
@@ -186,6 +187,7 @@ def writes_once(told: Connection) -> None:
 
 
 def test_a_killed_writer_leaves_nothing_and_its_reader_goes_on(closing: ExitStack) -> None:
+    gc.collect()  # rings of earlier tests
     named, before = os.listdir("/dev/shm"), mappings()
     pid, reader = begun(writes_once, closing)
     assert reader.alive

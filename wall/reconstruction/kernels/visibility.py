@@ -81,12 +81,13 @@ def bound_depths(nearest, moved, decay, silhouette, density, tiles, bounds):
     far, moving = np.empty_like(near), np.empty_like(near)
     low, high, moves = np.empty(width + 2, np.float32), np.empty(width + 2, np.float32), np.empty(width + 2, np.float32)
     slow, dense = np.empty(tiles.shape[1] * TILE, np.float32), np.empty(width, np.float32)
+    all_move = moved[1:].all()  # as the camera does, but for the sky when it only slides
     copied = -1
     for i in range(height):  # few arrays a loop: all are vector code
         if not (tiles[max(i - REACH, 0) // TILE].any() | tiles[min(i + REACH, height - 1) // TILE].any()):
             continue
         for k in range(max(i - 1, copied + 1), min(i + 2, height)):
-            copy_row(nearest[k].reshape(-1), moved, near[k % 3], far[k % 3], moving[k % 3])
+            copy_row(nearest[k].reshape(-1), moved, all_move, near[k % 3], far[k % 3], moving[k % 3])
             copied = k
         up, own, down = max(i - 1, 0) % 3, i % 3, min(i + 1, height - 1) % 3
         extremes(near[up], near[own], near[down], low, far[up], far[own], far[down], high)
@@ -110,7 +111,7 @@ def bound_depths(nearest, moved, decay, silhouette, density, tiles, bounds):
 
 
 @inline_kernel
-def copy_row(nearest, moved, near, far, moving):
+def copy_row(nearest, moved, all_move, near, far, moving):
     """Copy a row of nearest samples: depth, depth or 0 where there is none, and whether the object moves."""
     width = near.shape[0] - 2
     a, b, c = near[1 : width + 1], far[1 : width + 1], moving[1 : width + 1]
@@ -118,7 +119,7 @@ def copy_row(nearest, moved, near, far, moving):
         a[j] = nearest[4 * j + NEAREST_DEPTH]
     for j in range(width):
         b[j] = a[j] if a[j] < INFINITE else ZERO
-    if moved[1:].all():  # as the camera does, but for the sky when it only slides: no look-up
+    if all_move:  # no look-up
         first = ZERO if moved[0] != 0 else ONE
         for j in range(width):
             c[j] = ONE if nearest[4 * j + NEAREST_OBJECT] >= first else ZERO

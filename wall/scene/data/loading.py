@@ -24,8 +24,8 @@ def load_data(config: DataConfig, base_folder: Path, where: str) -> Source:
     path = base_folder / config.file
     name = config.name or path.stem
     if isinstance(config, PointsConfig):
-        mesh, notes = points_mesh(config, path, name, where)
-        units = [(mesh, 1.0)]
+        mesh, unit, notes = points_mesh(config, path, name, where)
+        units = [(mesh, unit)]
     else:
         from wall.scene.data.surfaces import surface_meshes
 

@@ -13,10 +13,11 @@ from wall.core.errors import SceneError
 from wall.scene.data.tables import COLORS, Table, read_table
 from wall.scene.model import Mesh
 from wall.scene.points import FARTHEST, sphere_points
+from wall.scene.repair import LARGEST_EXTENT, SMALLEST_EXTENT
 
 
-def points_mesh(config: PointsConfig, path: Path, name: str, where: str) -> tuple[Mesh, tuple[str, ...]]:
-    """The spheres of a file, with material 0, and notes.
+def points_mesh(config: PointsConfig, path: Path, name: str, where: str) -> tuple[Mesh, float, tuple[str, ...]]:
+    """The spheres of a file, with material 0; the unit that they are in, as `repair` has of triangles; and notes.
 
     where : of the entry in the configuration, for errors. Raises SceneError.
     """
@@ -33,7 +34,11 @@ def points_mesh(config: PointsConfig, path: Path, name: str, where: str) -> tupl
         left_out = np.count_nonzero(~kept)
         notes += (f"{name}: {left_out} points have no finite coordinates or no radius above 0, and are left out",)
         spheres, colors = spheres[kept], None if colors is None else colors[kept]
-    return sphere_points(spheres, material=0, name=name, colors=colors), notes
+    extent = float((spheres[:, :3].max(axis=0) / 2.0 - spheres[:, :3].min(axis=0) / 2.0).max() + spheres[:, 3].max())
+    unit = 1.0 if SMALLEST_EXTENT <= extent <= LARGEST_EXTENT else extent
+    spheres = spheres / unit
+    spheres[:, 3] = np.maximum(spheres[:, 3], np.finfo(np.float32).tiny)
+    return sphere_points(spheres, material=0, name=name, colors=colors), unit, notes
 
 
 def _spheres(config: PointsConfig, table: Table, where: str) -> Float64:
@@ -62,6 +67,6 @@ def _colors(config: PointsConfig, table: Table, where: str) -> tuple[Float32 | N
         parts = [table.columns[column] for column in COLORS]
     else:
         return None, ()
-    whole = all(np.issubdtype(part.dtype, np.integer) or part.max(initial=0.0) > 1.0 for part in parts[:1])
+    whole = any(np.issubdtype(part.dtype, np.integer) or (part > 1.0).any() for part in parts)
     colors = np.stack(parts, axis=1).astype(np.float32) * np.float32(1.0 / 255.0 if whole else 1.0)
     return srgb_decoded(np.clip(np.nan_to_num(colors), 0.0, 1.0)), ()
