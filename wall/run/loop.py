@@ -39,7 +39,7 @@ from wall.roles.instructions import (
 from wall.run.ports import Ports
 from wall.run.succession import Preparer, Succession
 from wall.run.tracers import Tracers
-from wall.run.usage import cpu_seconds, memory, peak_memory
+from wall.run.usage import Usage, usage
 
 Source = Callable[[], Iterable[Input]]  # of messages that come by other ways than the network
 
@@ -59,6 +59,7 @@ class Loop:
         longest_wait_s: float = 0.05,
         log: ImageLog | None = None,
         succession: Succession | Preparer | None = None,
+        used: Callable[[], Usage] = usage,
     ) -> None:
         """`tracers` execute Trace, `sinks` and `log` take what is shown.
 
@@ -67,7 +68,7 @@ class Loop:
         """
         self.role, self.finished = role, False
         self._succession, self._membership = succession, Membership()
-        self._log, self._cpu = log, cpu_seconds()
+        self._log, self._used, self._before = log, used, used().cpu_seconds
         self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
         self._sample_sinks = [sink for sink in sinks if isinstance(sink, TakesSamples)]
         self._sources, self._longest_wait_s = sources, longest_wait_s
@@ -166,5 +167,8 @@ class Loop:
         dropped.update(message.dropped)
         for sink in {id(sink): sink for sink in self._sinks if sink is not None}.values():
             dropped.update(sink.dropped())
-        spent = cpu_seconds() - self._cpu
-        return replace(message, memory=memory(), peak_memory=peak_memory(), cpu_seconds=spent, dropped=dict(+dropped))
+        used = self._used()
+        return replace(
+            message, memory=used.memory, peak_memory=used.peak_memory, cpu_seconds=used.cpu_seconds - self._before,
+            dropped=dict(+dropped),
+        )  # fmt: skip

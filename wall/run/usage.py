@@ -4,9 +4,30 @@ from __future__ import annotations
 
 import ctypes
 import resource
+from dataclasses import dataclass
 from pathlib import Path
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Usage:
+    """Bytes of memory, and seconds of CPU time since the start."""
+
+    memory: int = 0
+    peak_memory: int = 0
+    cpu_seconds: float = 0.0
+
+
 STATM = Path("/proc/self/statm")  # pages: of the program, and resident
+
+
+def usage() -> Usage:
+    """What this process uses."""
+    return Usage(memory=memory(), peak_memory=peak_memory(), cpu_seconds=cpu_seconds())
+
+
+def nothing_used() -> Usage:
+    """For ranks that are simulated: messages then have the same bytes each time."""
+    return Usage()
 
 
 def cpu_seconds() -> float:

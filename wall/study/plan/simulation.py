@@ -26,6 +26,7 @@ from wall.roles.status import summary_of
 from wall.run.head import INPUT_POLL_S
 from wall.run.loop import Loop
 from wall.run.ranks import EVENT_POLL_S, RENDERER_NICE
+from wall.run.usage import nothing_used
 from wall.study.plan.costed import CostedComposition, CostedTracers, Trip
 from wall.study.plan.engine import SLICE_S, Engine, Task
 from wall.study.plan.network import Costs, Machine, Network, Process, SimulatedHub, SimulatedPorts
@@ -201,7 +202,7 @@ class Simulation:
         hub = SimulatedHub(self._network, node, credit_bytes=transport.credit_bytes)
         ports = SimulatedPorts(self._network, node, MANAGER, hub=hub, manager=None)
         self.manager, self._address = Manager(self._plan, 0.0, still=False, seconds=self._setting.seconds), hub.endpoint
-        node.begin(Loop(self.manager, ports, node), ports, longest_wait_s=INPUT_POLL_S)
+        node.begin(Loop(self.manager, ports, node, used=nothing_used), ports, longest_wait_s=INPUT_POLL_S)
 
     def _make_compositor(self, rank: int) -> None:
         node, transport = self._node(rank), self._plan.layout.config.transport
@@ -210,7 +211,7 @@ class Simulation:
         composition = CostedComposition(self._plan, rank, ports.ready, node, self._rates)
         compositor = Compositor(self._plan, _hello(rank, hub.endpoint), ports.ready, composition=cast(Any, composition))
         self._compositors.append(compositor)
-        node.begin(Loop(compositor, ports, node), ports, longest_wait_s=EVENT_POLL_S)
+        node.begin(Loop(compositor, ports, node, used=nothing_used), ports, longest_wait_s=EVENT_POLL_S)
 
     def _make_renderer(self, rank: int) -> None:
         plan, nice = self._plan, RENDERER_NICE if self._setting.one_machine else 0
@@ -220,7 +221,7 @@ class Simulation:
         regions = plan.layout.regions_of(rank)
         tracers = CostedTracers(node, self._rates, rank, regions, 1.0 / plan.view.refresh_hz)
         renderer = Renderer(plan, _hello(rank, ""), ports.ready)
-        loop = Loop(renderer, ports, node, tracers=cast(Any, tracers))
+        loop = Loop(renderer, ports, node, tracers=cast(Any, tracers), used=nothing_used)
         node.begin(loop, ports, tracers=tracers, longest_wait_s=LONGEST_WAIT_S)
 
     def run(self, say: Callable[[float], None] = lambda seconds: None) -> Outcome:
