@@ -117,7 +117,7 @@ class StatusViewer:
     async def _watch(self) -> None:
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(self._address.rstrip("/") + "/stream", max_msg_size=0) as connection,
+            session.ws_connect(_stream_of(self._address), max_msg_size=0) as connection,
         ):
             async for message in connection:  # no image is answered, so that hardly any comes
                 if message.type is aiohttp.WSMsgType.TEXT and (said := json.loads(message.data))["kind"] == "status":

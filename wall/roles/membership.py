@@ -44,6 +44,8 @@ class Register:
             how, self._heard[hello.rank] = self.lost.pop(hello.rank), now
             self.restarts.setdefault(hello.rank, []).append(how)
             self.news.append(f"rank {hello.rank} {how} and was started again")
+        if before is None and hello.rank in self._absent:
+            self._absent[hello.rank] = now  # its part was not marked before it was known
         if before != hello:
             self.members[hello.rank] = hello
             self._due = min(self._due, now + GATHER_S)
@@ -58,6 +60,8 @@ class Register:
         if death.rank not in self._died:
             self.lost[death.rank] = f"died ({death.how}) after {now - self._began:.1f} s"
         self._died.add(death.rank)
+        if death.again:
+            self._heard[death.rank] = now  # until it is there again it is given as long as at the start
         self._coming = self._coming | {death.rank} if death.again else self._coming - {death.rank}
 
     def watch(self, now: float, transport: TransportConfig) -> None:
@@ -113,7 +117,7 @@ class Standing:
         """`targets`: the ranks that this one sends packets to."""
         self._hello, self._targets, self._transport = hello, frozenset(targets), transport
         self.members: dict[int, Hello] = {}
-        self._connected: dict[int, Hello] = {}
+        self._connected: dict[int, Hello] = {}  # with whom, as they were then
         self._heard: float | None = None  # when the manager said something, or this rank began
         self._alone = False  # at the last tick it had said nothing for too long
         self._beat_due = -math.inf

@@ -122,23 +122,28 @@ class Nursery:
     def __init__(self, process: BaseProcess, pipe: Connection) -> None:
         self._process, self._pipe = process, pipe
         process.start()
-        self._ended: dict[int, str] = {}  # ranks that it forked: how they ended
+        self._forked: set[int] = set()  # ranks, once at least
+        self._ended: dict[int, str] = {}  # of these: how they ended
 
     def fork(self, rank: int, text: str) -> bool:
         """Fork a rank, which gets `text` as a broadcast. Returns whether the nursery is there."""
-        self._ended.pop(rank, None)
         try:
             self._pipe.send((rank, text))
         except OSError:
             return False
+        self._ended.pop(rank, None)
+        self._forked.add(rank)
         return True
 
     def ended(self) -> dict[int, str]:
         """Ranks that were forked again and have ended badly: how."""
-        with contextlib.suppress(OSError, EOFError):
+        try:
             while self._pipe.poll():
                 rank, how = self._pipe.recv()
                 self._ended[rank] = how
+        except (OSError, EOFError):  # the nursery is gone, and its ranks with it
+            for rank in self._forked:
+                self._ended.setdefault(rank, "ended with the process that had started it again")
         return dict(self._ended)
 
     def close(self, wait_s: float) -> None:
@@ -176,14 +181,19 @@ def _nurse(
                 rank, text = pipe.recv()
             except (OSError, EOFError):
                 break
-            reader, writer = context.Pipe(duplex=False)
-            args = (rank, size, reader, [pipe, writer], main, os.getpid(), keys[rank])
-            child = context.Process(target=_run_child, args=args)
-            child.start()
-            writer.send_bytes(text.encode())
-            reader.close()
-            writer.close()
+            try:
+                reader, writer = context.Pipe(duplex=False)
+                args = (rank, size, reader, [pipe, writer], main, os.getpid(), keys[rank])
+                child = context.Process(target=_run_child, args=args)
+                child.start()
+            except OSError as error:  # no memory, or no process left
+                with contextlib.suppress(OSError):
+                    pipe.send((rank, f"could not be started: {error}"))
+                continue
             children[rank] = child
+            reader.close()  # so that a rank that is gone is noticed, and does not hold up what it was to be told
+            with contextlib.suppress(OSError), writer:
+                writer.send_bytes(text.encode())
     for child in children.values():
         child.join()  # rank 0 ends this process, and they with it, when that takes too long
     os._exit(0)

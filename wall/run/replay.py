@@ -6,7 +6,6 @@ batch is compared with the checksum that the run kept of it.
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Iterator
 from contextlib import suppress
@@ -43,8 +42,9 @@ class Recorded:
 
     def lives(self, rank: int) -> tuple[int, ...]:
         """How often the rank was started before, for each of its files."""
-        lives = itertools.takewhile(lambda life: file_of(self.folder, rank, life).exists(), itertools.count())
-        return tuple(lives)
+        later = (path.suffixes[0][1:] for path in self.folder.glob(f"rank-{rank}.*.events"))
+        first = (0,) if file_of(self.folder, rank).exists() else ()
+        return (*first, *sorted(int(life) for life in later if life.isdecimal()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,6 +151,7 @@ class _Replay:
         self, recorded: Recorded, scene: TracerScene, rank: int, life: int, *, wanted: int | None = None
     ) -> None:
         plan = recorded.plan
+        self._life = life
         self.rank, self.folder, self._wanted, self._version = rank, recorded.folder, wanted, recorded.version
         self.found: ReplayedBatch | None = None
         self.events = EventReader(file_of(recorded.folder, rank, life))
@@ -173,9 +174,10 @@ class _Replay:
             raise _FoundError
         recorded, crc = self.events.batch()
         if (number, checksum(result)) != (recorded, crc):
+            life = f"@{self._life}" if self._life else ""
             raise RunError(
-                f"rank {self.rank}, batch {number}: other samples than in the run, which wall {self._version} recorded "
-                f"to {self.folder}; wanted: the program, the scene and a processor as of the run"
+                f"rank {self.rank}, batch {number}{life}: other samples than in the run, which wall {self._version} "
+                f"recorded to {self.folder}; wanted: the program, the scene and a processor as of the run"
             )
 
 

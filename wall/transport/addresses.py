@@ -26,9 +26,13 @@ def reachable(bind: str) -> str:
     return "127.0.0.1"
 
 
-def let_in(networks: Sequence[str]) -> list[str]:
-    """All that may connect where these may: they, and this machine by any of its addresses."""
-    own = {_address_of(name) for _, name in socket.if_nameindex()} - {None}
+def let_in(networks: Sequence[str], bind: str) -> list[str]:
+    """All that may connect where these may: they, and this machine, by `bind` or the address of an interface."""
+    try:
+        own = {socket.gethostbyname(reachable(bind))}
+    except OSError:
+        own = set()  # listening there will say so
+    own |= {address for _, name in socket.if_nameindex() if (address := _address_of(name))}
     return [*networks, "127.0.0.0/8", *(f"{address}/32" for address in own)]
 
 

@@ -200,7 +200,7 @@ class ZmqHub(Hub):
         self._socket = _socket(self._context, zmq.ROUTER)
         self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
         self._socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
-        for network in let_in(allow) if allow else ():
+        for network in let_in(allow, bind) if allow else ():
             self._socket.setsockopt(zmq.TCP_ACCEPT_FILTER, network.encode())
         self._locked = keys is not None
         if keys is not None:

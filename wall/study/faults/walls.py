@@ -54,7 +54,7 @@ class FaultyWall:
     def _wait_for_page(self) -> str:
         limit = time.monotonic() + START_S
         while time.monotonic() < limit and self.process.poll() is None:
-            if found := re.search(r"http://\S+/", self.said):
+            if found := re.search(r"https?://\S+", self.said):
                 return found[0]
             time.sleep(LOOK_S)
         raise RunError(f"the wall did not start: {self.said.strip()[-500:]}")

@@ -22,7 +22,9 @@ SHOWS_PANELS = frozenset({  # nodes after which a panel still shows its own view
     "age_blend", "average", "crop", "denoise", "depth", "encode", "newest", "over", "reconstruct", "samples", "sink",
     "sky", "tile",
 })  # fmt: skip
-FILE_KEYS = frozenset({"source", "file", "lut"})  # whose relative paths start at the configuration's folder
+FILE_KEYS = frozenset(
+    {"source", "file", "lut", "certificate", "key"}
+)  # whose relative paths start at the configuration's folder
 
 
 def load_without_windows(path: Path, *, several: bool = False) -> Loaded:
