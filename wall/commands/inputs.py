@@ -8,7 +8,7 @@ from typing import Any
 
 from wall.config.loading import Loaded, default_for_model, load, load_values, nearest
 from wall.core.errors import ConfigError
-from wall.scene.sources import BUILT_IN
+from wall.scene.sources import BUILT_IN, is_built_in
 
 DEMO = Path(__file__).resolve().parents[1] / "demo.yaml"  # configs/demo.yaml, which is packaged under this name
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -27,12 +27,9 @@ CAMERAS = {
 
 
 def load_any(what: str | Path) -> Loaded:
-    """A configuration; or the default one around a model, or around a built-in scene. Raises ConfigError.
-
-    A file comes before a built-in scene of the same name.
-    """
+    """A configuration; or the default one around a model, or around a built-in scene. Raises ConfigError."""
     path = Path(what)
-    if str(what) in BUILT_IN and not path.exists():
+    if is_built_in(what):
         return _of_built_in(str(what))
     if path.suffix.lower() in MODEL_SUFFIXES:
         return default_for_model(path)

@@ -258,9 +258,8 @@ def _without_points(scene: Scene) -> Scene:
     """The scene without objects that are spheres; lights keep their rows behind those of objects."""
     placed = [scene.meshes[each.mesh].spheres is None for each in scene.instances]
     kept = np.concatenate([placed, np.ones(len(scene.rest) - len(placed), np.bool_)])
-    rows = np.cumsum(kept) - 1
     instances = tuple(each for each, stays in zip(scene.instances, placed, strict=True) if stays)
-    return replace(scene, instances=instances, rest=scene.rest[kept], tracks=_kept_tracks(scene.tracks, kept, rows))
+    return replace(_with_bodies(scene, kept), instances=instances)
 
 
 def _without_lights(scene: Scene, kind: str) -> Scene:
@@ -277,19 +276,18 @@ def _without_lights(scene: Scene, kind: str) -> Scene:
         if row < 0 or kept[counts[0] + row]
     )
     none: dict[str, Any] = {f"{kind}_lights": ()}
-    return replace(
-        scene, **none, rest=scene.rest[kept], tracks=_kept_tracks(scene.tracks, kept, rows), light_order=order,
-        parameter_tracks=_other_tracks(scene, "lights."),
-    )  # fmt: skip
+    tracks = _other_tracks(scene, "lights.")
+    return replace(_with_bodies(scene, kept), **none, light_order=order, parameter_tracks=tracks)
 
 
-def _kept_tracks(tracks: Tracks, kept: NDArray[np.bool_], rows: NDArray[np.intp]) -> Tracks:
-    """The motions of the bodies that are kept, under their new rows."""
-    layers = []
+def _with_bodies(scene: Scene, kept: NDArray[np.bool_]) -> Scene:
+    """The scene with the places and motions of those bodies alone that are kept, under their new rows."""
+    layers, tracks, rows = [], scene.tracks, np.cumsum(kept) - 1
     for layer in tracks.layers:
         own = kept[layer.rows]
         columns: dict[str, Any] = {each.name: getattr(layer, each.name)[own] for each in fields(layer)}
         columns["rows"] = rows[layer.rows[own]]
         if own.any():
             layers.append(replace(layer, **columns))
-    return Tracks(layers=tuple(layers), bodies=rows[tracks.bodies[kept[tracks.bodies]]])
+    tracks = Tracks(layers=tuple(layers), bodies=rows[tracks.bodies[kept[tracks.bodies]]])
+    return replace(scene, rest=scene.rest[kept], tracks=tracks)

@@ -72,6 +72,11 @@ class Repaired:
     notes: tuple[str, ...]
 
 
+def unit_of(extent: float) -> float:
+    """The unit, in object units, that vertices so far apart are stored in."""
+    return 1.0 if extent == 0.0 or SMALLEST_EXTENT <= extent <= LARGEST_EXTENT else extent
+
+
 def repair(raw: RawMesh, material: int) -> Repaired | tuple[str, ...]:
     """A traceable mesh, or only the notes that say why nothing of it is left."""
     triangles, notes = _usable(raw)
@@ -81,7 +86,7 @@ def repair(raw: RawMesh, material: int) -> Repaired | tuple[str, ...]:
     vertices = raw.vertices[used]
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     origin, extent = low / 2.0 + high / 2.0, float((high - low).max())
-    unit = 1.0 if extent == 0.0 or SMALLEST_EXTENT <= extent <= LARGEST_EXTENT else extent
+    unit = unit_of(extent)
     if np.linalg.norm(origin) > REMOTE * extent:
         notes.append(
             f"mesh {raw.name!r} lies {np.linalg.norm(origin):.3g} from the origin and is {extent:.3g} large: "

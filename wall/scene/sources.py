@@ -29,6 +29,11 @@ BUILT_IN = {
 }
 
 
+def is_built_in(what: str | Path) -> bool:
+    """Whether a built-in scene is meant; a file comes before one of the same name."""
+    return str(what) in BUILT_IN and not Path(what).exists()
+
+
 def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
     """The names of the built-in scenes and models that are put in the scene's world."""
     source = scene_config.source

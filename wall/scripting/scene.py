@@ -14,7 +14,7 @@ from wall.config.loading import Loaded, load_values, with_up
 from wall.core.errors import ConfigError
 from wall.roles.plan import Plan, aimed, load_scene, make_layout
 from wall.scene.build import Scene as BuiltScene
-from wall.scene.sources import BUILT_IN
+from wall.scene.sources import is_built_in
 from wall.scripting.own_words import animation_of, lights_of
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
@@ -60,8 +60,7 @@ class Scene:
 
     def add_object(self, source: str | Path) -> None:
         """Put another model file, or built-in scene, into the same world; relative to the current folder."""
-        path = Path(source)
-        name = str(source) if str(source) in BUILT_IN and not path.exists() else str(path.absolute())
+        name = str(source) if is_built_in(source) else str(Path(source).absolute())
         now = self._values["scene"].get("source") or []
         self.set(source=[*(now if isinstance(now, list) else [now]), name])
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
+from manager_run import ELSEWHERE, TEXT, Run, hello
 
 from wall.config.loading import loads
 from wall.core.data import Event
@@ -21,17 +21,6 @@ from wall.roles.instructions import End, Packet
 from wall.roles.manager import HOLD_S, SETTLED_S
 from wall.roles.plan import HEAD, Plan, make_layout, make_plan
 from wall.roles.status import Latency, samplers_of
-
-
-@pytest.fixture(scope="module")
-def plan() -> Plan:
-    return plan_of(TEXT)
-
-
-@pytest.fixture(scope="module")
-def elsewhere() -> Plan:
-    """Of a panel that compositor 1 shows in a window."""
-    return plan_of(f"{TEXT}{ELSEWHERE}")
 
 
 def command(**words: Any) -> Command:

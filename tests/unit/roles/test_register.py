@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
+from manager_run import TEXT, Run, hello, plan_of
 
 from wall.packets.control import Membership
 from wall.roles.instructions import Died, Input
 from wall.roles.manager import NO_RENDERER, SILENT_S
 from wall.roles.membership import GATHER_S, REPEAT_S
 from wall.roles.plan import HEAD, Plan
-
-
-@pytest.fixture(scope="module")
-def plan() -> Plan:
-    return plan_of(TEXT)
-
-
-@pytest.fixture(scope="module")
-def elsewhere() -> Plan:
-    """Of a panel that compositor 1 shows in a window."""
-    return plan_of(f"{TEXT}{ELSEWHERE}")
 
 
 def test_membership_is_told_when_it_changes_and_again_and_again(plan: Plan) -> None:

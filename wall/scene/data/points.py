@@ -13,7 +13,7 @@ from wall.core.errors import SceneError
 from wall.scene.data.tables import COLORS, Table, read_table
 from wall.scene.model import Mesh
 from wall.scene.points import FARTHEST, sphere_points
-from wall.scene.repair import LARGEST_EXTENT, SMALLEST_EXTENT
+from wall.scene.repair import unit_of
 
 
 def points_mesh(config: PointsConfig, path: Path, name: str, where: str) -> tuple[Mesh, float, tuple[str, ...]]:
@@ -35,7 +35,7 @@ def points_mesh(config: PointsConfig, path: Path, name: str, where: str) -> tupl
         notes += (f"{name}: {left_out} points have no finite coordinates or no radius above 0, and are left out",)
         spheres, colors = spheres[kept], None if colors is None else colors[kept]
     extent = float((spheres[:, :3].max(axis=0) / 2.0 - spheres[:, :3].min(axis=0) / 2.0).max() + spheres[:, 3].max())
-    unit = 1.0 if SMALLEST_EXTENT <= extent <= LARGEST_EXTENT else extent
+    unit = unit_of(extent)
     spheres = spheres / unit
     spheres[:, 3] = np.maximum(spheres[:, 3], np.finfo(np.float32).tiny)
     return sphere_points(spheres, material=0, name=name, colors=colors), unit, notes
