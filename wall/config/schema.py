@@ -77,7 +77,9 @@ class TransportConfig(Model):
         default=2.0, description="seconds of silence that mean a rank is lost"
     )
     restarts: Annotated[int, Ge(0), Le(1000)] = Field(
-        default=3, description="how often in a minute a rank that dies is started again; not under MPI"
+        default=3,
+        description="how often in a minute a rank that dies is started again; after that it stays dead until the first "
+        "of these starts is a minute old; not under MPI",
     )
 
     @property

@@ -161,6 +161,14 @@ class LaysOut(Sink, Protocol):
 
 
 @runtime_checkable
+class TellsStatus(Sink, Protocol):
+    """A sink that tells its viewers how the run is doing, and does not wait for an image to do so."""
+
+    def tell(self, status: Status) -> None:
+        """Tell what is newer than the newest image."""
+
+
+@runtime_checkable
 class TakesSamples(Sink, Protocol):
     """A sink that can make images of samples."""
 

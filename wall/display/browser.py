@@ -15,19 +15,17 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
-from PIL import Image
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
 from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage
 from wall.display.gate import Gate, Pace, tls_of, why_not
 from wall.display.parts import Held, Part, part_of
-from wall.display.png import QUICK, whole_wall
+from wall.display.png import png_bytes
 from wall.display.sample_store import SampleStore
 from wall.display.steering import MAX_MESSAGE_BYTES, parse_message
 from wall.display.stream import (
@@ -147,6 +145,12 @@ class Browser:
         if self._viewers:
             self._call(self._wake_viewers)
 
+    def tell(self, status: Status) -> None:
+        """Tell all viewers how the run is doing, before the next image."""
+        if self._newest is not None:
+            self._newest = (self._newest[0], status)
+            self._call(self._wake_viewers)
+
     def lay_out(self, wall: Wall, views: Sequence[str], why_images: Sequence[str]) -> None:
         """Tell all viewers where panels, insets and views are from now on; the panels are those of before."""
         self._layout = layout_message(wall, views, why_images)
@@ -185,7 +189,7 @@ class Browser:
         for viewer in self._viewers:
             viewer.wake.set()
 
-    # Below, everything runs in the server's thread, except _encode and _png in the encoder's.
+    # Below, everything runs in the server's thread, except _encode and png_bytes in the encoder's.
 
     def _serve(self, bound: Future[str]) -> None:
         asyncio.set_event_loop(self._loop)
@@ -250,7 +254,7 @@ class Browser:
     async def _wall_png(self, request: web.Request) -> web.Response:
         if self._newest is None:
             raise web.HTTPServiceUnavailable(text="no image yet\n")
-        body = await self._loop.run_in_executor(self._encoder, _png, self._newest[0])
+        body = await self._loop.run_in_executor(self._encoder, png_bytes, self._newest[0])
         return web.Response(body=body, content_type="image/png")
 
     async def _stream(self, request: web.Request) -> web.WebSocketResponse:
@@ -392,9 +396,3 @@ async def _page(request: web.Request) -> web.Response:
         raise web.HTTPNotFound(text="no such page\n")
     text = path.read_text(encoding="utf-8")
     return web.Response(text=text, content_type=TYPES[path.suffix], charset="utf-8")
-
-
-def _png(image: WallImage) -> bytes:
-    out = BytesIO()
-    Image.fromarray(whole_wall(image)).save(out, format="PNG", compress_level=QUICK)
-    return out.getvalue()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,13 @@ def whole_wall(image: WallImage) -> NDArray[np.uint8]:
             )
         out[y : y + h, x : x + w] = rgb
     return out
+
+
+def png_bytes(image: WallImage) -> bytes:
+    """The whole wall as a PNG file."""
+    out = BytesIO()
+    Image.fromarray(whole_wall(image)).save(out, format="PNG", compress_level=QUICK)
+    return out.getvalue()
 
 
 def spread(panel: PanelImage) -> NDArray[np.uint8]:

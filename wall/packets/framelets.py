@@ -21,7 +21,7 @@ from wall.packets.kernels import byte_planes as kernels_bytes
 
 HEAD = struct.Struct("<HHiiIIBBHHqqddI3d9d")
 MAX_AREA = 1 << 25  # pixels: 8K UHD
-MAX_RAW = 1 << 25  # bytes of one part before compression: it fits a message, whatever they are
+MAX_RAW = 1 << 23  # bytes of one part before compression: it fits a message, whatever they are
 LZ4_LARGEST_RATIO = 255  # lz4 cannot expand more: a few bytes cannot ask for a large buffer
 ENCODED, COMPARED, POSED, PLAIN = 1, 2, 4, 8  # flags
 FLAGS_OFFSET = 21  # in HEAD

@@ -32,6 +32,7 @@ from wall.roles.instructions import (
     Send,
     Shares,
     Show,
+    Tell,
     shares_nothing,
 )
 from wall.roles.membership import Standing
@@ -66,7 +67,7 @@ class Compositor:
         self.refreshes = 0.0  # of the whole wall: an image that comes alone counts as its share
         self._views = [FollowedView(plan, index) for index in range(len(plan.views))]
         targets = (target_ranks(graph, hello.rank) | {HEAD}) - {hello.rank}
-        self._standing = Standing(hello, targets, plan.layout.config.transport)
+        self.standing = Standing(hello, targets, plan.layout.config.transport)
         self._sees_samples = bool(graph.layers_on(HEAD) or needed_from_others(graph, HEAD))
         self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.rank != HEAD for s in graph.steps)
         self._beats: dict[int, Heartbeat] = {}  # at the head: the newest of every rank
@@ -111,7 +112,7 @@ class Compositor:
             self._ending = message if message.escape or message.closed else None
             yield Send(MANAGER, message)
         else:
-            self._standing.hear(now)
+            self.standing.hear(now)
             yield from self._hear(message, now)
 
     def _hear(self, message: Input, now: float) -> Iterator[Instruction]:
@@ -119,13 +120,17 @@ class Compositor:
         if isinstance(message, Event):
             self._follow(message)
         elif isinstance(message, Membership):
-            for connect in self._standing.take(message):
+            before = self.standing.members.keys()
+            for connect in self.standing.take(message):
                 yield connect
                 if connect.anew:
                     self.composition.renew(connect.rank)
-            self._came_ranks |= self._standing.members.keys()
-            self._gone |= self._came_ranks - self._standing.members.keys()
-            self._status_due = now  # what is stale is marked at once
+            self._came_ranks |= self.standing.members.keys()
+            self._gone |= self._came_ranks - self.standing.members.keys()
+            if self._rank == HEAD and self.standing.members.keys() != before and self._views[0].event is not None:
+                yield from self._make_status(self._views[0].event, now)
+                yield Tell(self._status)  # what is stale is marked before the next image is made
+            self._status_due = now
         elif isinstance(message, Heartbeat):
             self._beats[message.rank] = message
         elif isinstance(message, Selection):
@@ -162,7 +167,7 @@ class Compositor:
         """Refresh what is due, send what others need, give signs of life."""
         self._began = now if self._began is None else self._began
         came, self._came = self._came, False
-        yield from self._standing.on_tick(now)
+        yield from self.standing.on_tick(now)
         if self._stop_at is not None and (not came or now >= self._stop_at):
             yield from self._finish(now)
             return
@@ -174,7 +179,7 @@ class Compositor:
                 yield from self._refresh(view, view.event, view.event, now)
         yield from self._sent.counted(self.composition.send())
         complete = self._is_complete()
-        if complete != self._complete or self._standing.beat_due(now):
+        if complete != self._complete or self.standing.beat_due(now):
             self._complete = complete
             yield from self._beat(now)
         self.due = min(view.due for view in self._views)
@@ -202,6 +207,7 @@ class Compositor:
             self._statistics_images = ()
         if self._rank == HEAD and now >= self._status_due:
             yield from self._make_status(self._views[0].event or event, now)
+            self._gone = self._came_ranks - self.standing.members.keys()
         yield Show(self._images(event, now), self._status)
         if composition.lockstep is not None and composition.lockstep.news():
             yield from self._beat(now)
@@ -223,12 +229,11 @@ class Compositor:
             if layer.at_renderer and beat is not None and beat.oldest_sample_at >= 0.0:
                 oldest[layer.index] = max(0.0, now - beat.oldest_sample_at)
         self._status = status_of(
-            self._plan, event, self._beats, self._standing.members, self.latency,
+            self._plan, event, self._beats, self.standing.members, self.latency,
             seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
             parameters=self._states_under(event), bookmarks=self._bookmarks, gone=self._gone,
             view_samplers=tuple("" if view.event is None else view.event.sampler for view in self._views),
         )  # fmt: skip
-        self._gone = self._came_ranks - self._standing.members.keys()
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
         if self._overlays_elsewhere:
@@ -277,7 +282,7 @@ class Compositor:
         return summed_number(view.event for view in self._views)
 
     def _beat(self, now: float) -> Iterator[Instruction]:
-        yield from self._standing.beat(self._heartbeat(now), now)
+        yield from self.standing.beat(self._heartbeat(now), now)
         if self._ending is not None:
             yield Send(MANAGER, self._ending)
 
@@ -309,5 +314,5 @@ class Compositor:
             for view in self._views:
                 if view.event is not None:
                     yield from self._refresh(view, view.event, view.event, now, force=True)
-        yield from self._standing.beat(self._heartbeat(now, last=True), now)
+        yield from self.standing.beat(self._heartbeat(now, last=True), now)
         yield Finish()

@@ -195,6 +195,13 @@ class Show:
 
 
 @dataclass(frozen=True, slots=True)
+class Tell:
+    """Give sinks that tell of the run its newest status at once, without an image."""
+
+    status: Status
+
+
+@dataclass(frozen=True, slots=True)
 class Make:
     """Make a plan of a configuration beside what runs; PlanMade answers."""
 
@@ -208,7 +215,7 @@ class Finish:
     failure: str = ""
 
 
-Instruction: TypeAlias = Send | Broadcast | Offer | Connect | Trace | Restart | Reassign | Show | Make | Finish
+Instruction: TypeAlias = Send | Broadcast | Offer | Connect | Trace | Restart | Reassign | Show | Tell | Make | Finish
 Instructions: TypeAlias = Iterable[Instruction]
 
 

@@ -59,6 +59,8 @@ class Register:
         """A rank's process has ended; one that is started again is missed until it says Hello."""
         if death.rank not in self._died:
             self.lost[death.rank] = f"died ({death.how}) after {now - self._began:.1f} s"
+        if not death.again:
+            self.news.append(f"rank {death.rank} {self.lost[death.rank]}; it is not started again now")
         self._died.add(death.rank)
         if death.again:
             self._heard[death.rank] = now  # until it is there again it is given as long as at the start
@@ -118,9 +120,14 @@ class Standing:
         self._hello, self._targets, self._transport = hello, frozenset(targets), transport
         self.members: dict[int, Hello] = {}
         self._connected: dict[int, Hello] = {}  # with whom, as they were then
+        self._connected_before: dict[int, Hello] = {}  # likewise: roles of this process before this one
         self._heard: float | None = None  # when the manager said something, or this rank began
         self._alone = False  # at the last tick it had said nothing for too long
         self._beat_due = -math.inf
+
+    def succeed(self, before: Standing) -> None:
+        """Another role of this process has connected to ranks: who begins anew since then lacks what that had sent."""
+        self._connected_before = {**before._connected_before, **before._connected}
 
     def hear(self, now: float) -> None:
         """Something came from the manager."""
@@ -132,8 +139,9 @@ class Standing:
         for rank in sorted(self._targets & self.members.keys()):
             member = self.members[rank]
             if self._connected.get(rank) != member:  # one that was only silent keeps its link
-                anew, self._connected[rank] = rank in self._connected, member
-                yield Connect(rank, member.endpoint, anew)
+                known = self._connected.get(rank, self._connected_before.get(rank, member))
+                self._connected[rank] = member
+                yield Connect(rank, member.endpoint, anew=known != member)
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """End this rank where the manager has been silent for too long."""

@@ -57,7 +57,7 @@ class Renderer:
         self._past, self._past_seconds = Work(), 0.0  # done for regions before, and in what time
         targets = {layer.compositor for layer in layout.graph.layers} if layout.strips else {r.target for r in own}
         targets = targets if image is None else target_ranks(layout.graph, hello.rank) | {HEAD}
-        self._standing = Standing(hello, targets, layout.config.transport)
+        self.standing = Standing(hello, targets, layout.config.transport)
         self._sent = Sent()
         self._rates = Rates(RATE_SPAN_S)
         self._began: float | None = None
@@ -94,12 +94,12 @@ class Renderer:
         elif isinstance(message, Dropped):
             self._lose(message)
         else:
-            self._standing.hear(now)
+            self.standing.hear(now)
         if isinstance(message, Event):
             for region in self.regions:
                 region.follow(message)
         elif isinstance(message, Membership):
-            for connect in self._standing.take(message):
+            for connect in self.standing.take(message):
                 yield connect
                 if connect.anew:
                     self._renew(connect.rank)
@@ -111,13 +111,13 @@ class Renderer:
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Give work to idle workers, and signs of life."""
         self._began = now if self._began is None else self._began
-        yield from self._standing.on_tick(now)
+        yield from self.standing.on_tick(now)
         if self._stopping and not self._running:
-            yield from self._standing.beat(self._heartbeat(now, last=True), now)
+            yield from self.standing.beat(self._heartbeat(now, last=True), now)
             yield Finish()
             return
-        if self._standing.beat_due(now):
-            yield from self._standing.beat(self._heartbeat(now), now)
+        if self.standing.beat_due(now):
+            yield from self.standing.beat(self._heartbeat(now), now)
         self.due = now + LOOK_AGAIN_S
         if self.image is not None:
             yield from self._show(self.image, now)
@@ -138,7 +138,7 @@ class Renderer:
         rounds = image.rounds
         yield from self._sent.counted(image.on_tick(now))
         if image.rounds > rounds:  # the manager waits for it
-            yield from self._standing.beat(self._heartbeat(now), now)
+            yield from self.standing.beat(self._heartbeat(now), now)
         for region in self.regions:
             region.note_refreshes()
         yield from self._tell_completeness(now)
@@ -180,7 +180,7 @@ class Renderer:
                 each.follow(event)
                 each.used = used
         yield Reassign(regions)
-        yield from self._standing.beat(self._heartbeat(now), now)  # what was complete is not any more
+        yield from self.standing.beat(self._heartbeat(now), now)  # what was complete is not any more
 
     def _give_work(self, now: float) -> Iterator[Instruction]:
         free = self._threads - self._running
@@ -199,7 +199,7 @@ class Renderer:
     def _tell_completeness(self, now: float) -> Iterator[Instruction]:
         news = [region.tell_completeness() for region in self.regions]
         if any(news):
-            yield from self._standing.beat(self._heartbeat(now), now)
+            yield from self.standing.beat(self._heartbeat(now), now)
 
     def _lose(self, dropped: Dropped) -> None:
         if self.image is not None:

@@ -26,6 +26,7 @@ from wall.roles.status import summary_of
 from wall.run.bootstrap import Bootstrap
 from wall.run.clock import HeadClock
 from wall.run.control_file import Control, announced, new_key
+from wall.run.deaths import Deaths
 from wall.run.endings import EndSignals, WriterApart
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
@@ -37,7 +38,6 @@ from wall.transport.factory import LOOPBACK
 from wall.transport.shared_memory import machine_id
 
 INPUT_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
-RESTARTS_WITHIN_S = 60.0  # a rank is started again so often, see TransportConfig.restarts
 STOP_WAIT_S = 6.0  # for the manager to end the run in all its steps
 Say = Callable[[str], None]
 
@@ -92,7 +92,7 @@ class HeadProcess:
         self._ends: deque[End | Died] = deque()
         self._manager: Manager | None = None
         self._loop: Loop | None = None  # of the compositor
-        self._restarts: dict[int, list[float]] = {}  # by rank: when it was started again
+        self._dead = Deaths(self._start_again)
         self._address: dict[str, str] = {}  # what ranks are told when they start
         self._sinks: list[Sink] = []
         self._signals, self._told = EndSignals(self._end), ""  # why this process was first told to end
@@ -184,22 +184,16 @@ class HeadProcess:
         return [self._ends.popleft() for _ in range(len(self._ends))]
 
     def _deaths(self) -> Iterator[Died]:
-        for rank, how in self._bootstrap.dead().items():
-            yield Died(rank, how, again=self._started_again(rank))
+        if self._manager is None or self._manager.ended:
+            most = 0
+        else:
+            most = self._manager.plan.layout.config.transport.restarts
+        return self._dead.news(self._bootstrap.dead(), most, self._clock.now())
 
-    def _started_again(self, rank: int) -> bool:
-        """Start a rank again that died, where that is wanted and can be. Returns whether that was tried."""
-        manager, now, before = self._manager, self._clock.now(), self._restarts.get(rank, [])
-        if manager is None or manager.ended:
-            return False
-        recent = [began for began in before if now - began < RESTARTS_WITHIN_S]
-        if len(recent) >= manager.plan.layout.config.transport.restarts:
-            return False
-        text = told_again(self._address, manager.newest_plan, life=len(before) + 1)
-        if not self._bootstrap.start_again(rank, text):
-            return False
-        self._restarts[rank] = [*before, now]
-        return True
+    def _start_again(self, rank: int, life: int) -> bool:
+        """Start a rank again that died. Returns whether that was tried."""
+        assert self._manager is not None
+        return self._bootstrap.start_again(rank, told_again(self._address, self._manager.newest_plan, life=life))
 
     def _end(self, reason: str) -> None:
         """This process was told to end. Called between two steps of the main thread."""

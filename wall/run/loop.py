@@ -14,7 +14,7 @@ from itertools import chain
 
 from wall.core.clock import Clock
 from wall.core.errors import RunError
-from wall.display.base import Sink, TakesSamples
+from wall.display.base import Sink, TakesSamples, TellsStatus
 from wall.display.image_log import ImageLog
 from wall.packets.control import Adopt, Heartbeat, Membership, Message, Prepare
 from wall.roles.instructions import (
@@ -34,6 +34,7 @@ from wall.roles.instructions import (
     Role,
     Send,
     Show,
+    Tell,
     Trace,
 )
 from wall.run.ports import Ports
@@ -71,6 +72,7 @@ class Loop:
         self._log, self._used, self._before = log, used, used().cpu_seconds
         self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
         self._sample_sinks = [sink for sink in sinks if isinstance(sink, TakesSamples)]
+        self._tellers = [sink for sink in sinks if isinstance(sink, TellsStatus)]
         self._sources, self._longest_wait_s = sources, longest_wait_s
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
@@ -153,6 +155,9 @@ class Loop:
                 if self._log is not None:
                     self._log.take(images, self._clock.now())
                 return [Presented(any(sink.wants_samples for sink in self._sample_sinks))]
+            case Tell(status):
+                for teller in self._tellers:
+                    teller.tell(status)
             case Finish(failure):
                 self.finished = True
                 if failure:

@@ -95,8 +95,9 @@ class Ports:
 
     def connect(self, rank: int, endpoint: str) -> None:
         """Open a link to a rank's hub, in place of an earlier one."""
-        if rank in self._links:
-            self._links.pop(rank).close()
+        if (earlier := self._links.pop(rank, None)) is not None:
+            earlier.close()
+            self._counters += earlier.counters  # what was dropped stays counted
         self._links[rank] = connect(endpoint, rank=self._rank, keys=self._keys, to=rank)
 
     def ready(self, to: int) -> bool:
@@ -116,9 +117,9 @@ class Ports:
         return False
 
     def wait(self, seconds: float) -> None:
-        """Sleep until something comes or the time is over, at one way alone: the hub; else a link without credit."""
+        """Sleep until something comes or the time is over. Without a hub: at one link alone, which has no credit."""
         if self._hub is not None:
-            self._hub.wait(seconds)
+            self._hub.wait(seconds, self._manager)
             return
         way = next((link for link in self._links.values() if not link.ready()), self._manager)
         assert way is not None

@@ -97,7 +97,7 @@ def _render(
     record: Path | None,
 ) -> None:
     """`record`: a file that keeps all that it is told; then its workers take turns, so that there is one order."""
-    rank, keys = bootstrap.rank, bootstrap.keys
+    rank, keys, life = bootstrap.rank, bootstrap.keys, int(address.get("life", 0))
     head_clock, hello = HeadClock(), hello_of(rank, "")
     clock: Clock = head_clock
     traced: OnTraced | None = None
@@ -115,8 +115,13 @@ def _render(
             image = image_at(plan, rank, ports.ready, clock, ports.shares)
             if isinstance(before, Renderer) and image is not None and before.image is not None:
                 image.composition.begin_with(before.image.composition)
-            tracers = Tracers(plan, tracer_scene, rank, clock, threads=record is None, image=image, traced=traced)
-            return Renderer(plan, hello, ports.ready, image), tracers
+            tracers = Tracers(
+                plan, tracer_scene, rank, clock, threads=record is None, image=image, traced=traced, life=life
+            )
+            renderer = Renderer(plan, hello, ports.ready, image)
+            if isinstance(before, Renderer):
+                renderer.standing.succeed(before.standing)
+            return renderer, tracers
 
         renderer, tracers = make(plan, tracer_scene, None)
         loop = Loop(renderer, ports, clock, tracers=tracers, succession=Succession(rank, preparer, make))
@@ -173,6 +178,7 @@ def compositor_loop(
         lay_out(plan, sinks)
         compositor = make(plan)
         compositor.composition.begin_with(before.composition)
+        compositor.standing.succeed(before.standing)
         return compositor, None
 
     return Loop(

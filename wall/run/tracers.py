@@ -35,12 +35,13 @@ class Tracers:
         threads: bool = True,
         image: RendererImage | None = None,
         traced: OnTraced | None = None,
+        life: int = 0,
     ) -> None:
         """`threads`: False steps all workers in the caller's. `image`: made of the samples by this rank itself.
 
-        `traced` is told every batch, by the thread that has traced it.
+        `traced` is told every batch, by the thread that has traced it. `life`: how often the rank was started before.
         """
-        self._rank, self._traced, self._numbers = rank, traced, count()
+        self._rank, self._traced, self._numbers, self._life = rank, traced, count(), life
         self._plan, self._regions, self._clock = plan, plan.layout.regions_of(rank), clock
         self._images = (None,) * len(self._regions) if image is None else image.images
         self._tracer_scene = tracer_scene
@@ -94,10 +95,11 @@ class Tracers:
 
     def _failure(self, number: int, event: Event, error: Exception) -> str:
         """Where and when tracing failed, and how to do just that again."""
+        batch = f"{number}@{self._life}" if self._life else f"{number}"  # as `wall replay` takes it
         return (
-            f"rank {self._rank}, batch {number}: {type(error).__name__}: {error}; camera event {event.camera_event}, "
+            f"rank {self._rank}, batch {batch}: {type(error).__name__}: {error}; camera event {event.camera_event}, "
             f"scene event {event.scene_event}, scene time {event.scene_time!r} s; a run with --record FOLDER can be "
-            f"replayed up to it: wall replay FOLDER --rank {self._rank} --batch {number}"
+            f"replayed up to it: wall replay FOLDER --rank {self._rank} --batch {batch}"
         )
 
     def finished(self) -> Iterator[Traced]:

@@ -17,7 +17,7 @@ from wall.transport.credit import HubCredit, LinkCredit
 
 MAX_CONTROL = 1024  # control messages that wait unread at one end
 MAX_CONTROL_BYTES = 1 << 21  # of a control message to a hub, and of all that wait there of one peer
-MAX_MESSAGE_BYTES = 1 << 26  # a larger message is not one of ours
+MAX_MESSAGE_BYTES = 1 << 24  # a larger message is not one of ours; anybody who connects may send one as large
 GUEST, NOBODY = -2, -3  # whose key a peer has: that of processes beside the run; not known any more
 
 
@@ -147,8 +147,8 @@ class Hub(ABC):
         """Send a control message to one peer. Never blocks; a peer that is gone or full is counted."""
 
     @abstractmethod
-    def wait(self, seconds: float) -> None:
-        """Sleep until something comes or the time is over."""
+    def wait(self, seconds: float, link: Link | None = None) -> None:
+        """Sleep until something comes, here or at `link`, or the time is over."""
 
     @abstractmethod
     def close(self) -> None:

@@ -29,7 +29,7 @@ MEMORY, PLACED = b"M", b"P"  # memory to share, and what became of it; a packet 
 SMALLEST_PLACED = 4096  # bytes: smaller packets are sent as fast
 LINGER_MS = 200  # for the last words of a socket that is closed
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000  # of ZMTP; machines with more ranks than cores are late by seconds
-HANDSHAKE_MS = 10_000  # for a connection to say who it is: one that does not is closed
+HANDSHAKE_MS = 4_000  # for a connection to say who it is: one that does not is closed; ours tries again
 ASK_AGAIN_S = 1.0  # a link without credit for so long asks again
 MAX_PEERS = 4096
 MAX_TAKEN = 4096  # messages taken in at once: a flood of tiny ones cannot hold the caller
@@ -231,10 +231,13 @@ class ZmqHub(Hub):
         """The rank by whose key a peer speaks, GUEST or NOBODY; None where there are no keys."""
         return self._holders.get(peer, NOBODY) if self._locked else None
 
-    def wait(self, seconds: float) -> None:
-        """Waits up to `seconds` for a packet or message."""
-        if not (self._data or self._messages):
-            self._socket.poll(max(0, round(seconds * 1000)), zmq.POLLIN)
+    def wait(self, seconds: float, link: Link | None = None) -> None:
+        """Waits up to `seconds` for a packet or message, here or at `link`."""
+        sockets = [(self._socket, zmq.POLLIN)]
+        if isinstance(link, ZmqLink):
+            sockets.append((link._socket, zmq.POLLIN))
+        if not (self._data or self._messages or (isinstance(link, ZmqLink) and link._messages)):
+            zmq.zmq_poll(sockets, max(0, round(seconds * 1000)))
 
     def close(self) -> None:
         """Closes the socket."""

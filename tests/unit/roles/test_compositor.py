@@ -17,7 +17,7 @@ from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop,
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import encode
 from wall.roles.compositor import LAST_S, Compositor
-from wall.roles.instructions import MANAGER, Finish, Input, Instruction, Offer, Packet, Presented, Send, Show
+from wall.roles.instructions import MANAGER, Finish, Input, Instruction, Offer, Packet, Presented, Send, Show, Tell
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
 from wall.roles.status import statistics_of
 from wall.run.single_process import hello_of
@@ -238,6 +238,19 @@ def test_every_absence_of_a_rank_is_told_once_however_short(alone: Plan) -> None
     assert stale(Membership(members=everybody))[-1] == 0
     assert stale(Membership(members=everybody[:1]), Membership(members=everybody))[-1] == 1
     assert stale(Membership(members=everybody))[-1] == 0
+
+
+def test_who_is_absent_is_told_before_the_next_image(alone: Plan) -> None:
+    head, event = Rank(alone), first_event(alone, 0.0)
+    everybody = tuple(Hello(rank=k, host="", endpoint="", incarnation=1) for k in range(alone.layout.size))
+
+    def told(*messages: Input) -> list[tuple[type, int]]:
+        asked = [instruction for each in messages for instruction in head.role.on_message(each, head.now)]
+        return [(type(each), len(each.status.stale)) for each in asked if isinstance(each, Show | Tell)]
+
+    assert told(event, Membership(members=everybody)) == [(Tell, 0)]
+    assert told(Membership(members=everybody)) == [], "nothing new"
+    assert told(Membership(members=everybody[:1])) == [(Tell, 1)]
 
 
 def test_latency_is_measured_once_everybody_is_there(alone: Plan) -> None:

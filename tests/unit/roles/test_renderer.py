@@ -183,6 +183,18 @@ def test_it_says_hello_until_the_membership_lists_it_and_connects_by_it(plan: Pl
     )
 
 
+def test_a_role_that_follows_knows_who_began_anew_since_the_one_before(plan: Plan) -> None:
+    before, after = Rank(plan), Rank(plan)
+    head = Hello(rank=HEAD, host="h", endpoint="tcp://h:1", incarnation=1)
+    before.tell(Membership(members=(head,)))
+    after.role.standing.succeed(before.role.standing)
+    last = Rank(plan)
+    last.role.standing.succeed(after.role.standing)
+    assert Connect(HEAD, "tcp://h:1") in after.tell(Membership(members=(head,))), "it has what was sent before"
+    anew = Membership(members=(replace(head, endpoint="tcp://h:2", incarnation=2),))
+    assert Connect(HEAD, "tcp://h:2", anew=True) in last.tell(anew), "it is not, though no role between connected to it"
+
+
 def test_a_compositor_that_begins_anew_gets_all_samples_again_once_no_worker_traces(plan: Plan) -> None:
     rank, event = Rank(plan), first_event(plan, 0.0)
     head = Hello(rank=HEAD, host="h", endpoint="tcp://h:1", incarnation=1)

@@ -13,7 +13,7 @@ import pytest
 from wall.config.loading import loads
 from wall.core.clock import ManualClock
 from wall.core.data import Event, Rect, StatisticsImage
-from wall.core.errors import RemoteProtocolError
+from wall.core.errors import RemoteProtocolError, RunError
 from wall.packets.control import parse_control, serialise
 from wall.packets.samples import is_samples
 from wall.roles.composition import Composition
@@ -101,6 +101,16 @@ def test_tiles_are_sent_5_times_a_second_while_a_viewer_shows_them(tracer_scene:
         sent += rank.tiles(event_of(plan_of(), statistics=k < 120))
         rank.clock.advance(1 / 120)
     assert len(sent) == 5
+
+
+def test_what_fails_names_the_batch_and_the_life_of_its_rank(
+    tracer_scene: TracerScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = plan_of()
+    tracers = Tracers(plan, tracer_scene, FIRST, ManualClock(1.0), threads=False, life=2)
+    monkeypatch.setattr(tracers.workers[0], "sampler", None)
+    with pytest.raises(RunError, match=r"rank 1, batch 0@2: AttributeError.*wall replay FOLDER --rank 1 --batch 0@2$"):
+        tracers.start(Trace(0, event_of(plan)))
 
 
 def test_without_credit_no_tiles_are_sent(tracer_scene: TracerScene) -> None:

@@ -15,6 +15,7 @@ from wall.transport import zeromq
 from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link
 from wall.transport.credit import QUEUED_PACKETS
 from wall.transport.factory import connect, open_hub
+from wall.transport.zeromq import ZmqHub
 
 KINDS = ("loopback", "zmq")
 DEADLINE_S = 10.0  # a loaded machine is slow, a deadlock is longer
@@ -91,6 +92,17 @@ def packet(k: int, size: int = 1000) -> bytes:
 
 def number(data: bytes) -> int:
     return int.from_bytes(data[:4], "little")
+
+
+def test_a_hub_that_waits_is_woken_by_what_comes_at_a_link(ends: Ends) -> None:
+    link, other = ends.ready_link(), open_hub("zmq", "127.0.0.1", credit_bytes=WINDOW)
+    ends.hub.broadcast(b"news")
+    began = time.monotonic()
+    if isinstance(ends.hub, ZmqHub):
+        other.wait(DEADLINE_S, link)
+        assert time.monotonic() - began < DEADLINE_S, "it was not the time that was over"
+    assert link.receive() == [b"news"]
+    other.close()
 
 
 def test_credit_bounds_the_bytes_under_way_and_the_oldest_waiting_packet_gives_way(ends: Ends) -> None:
@@ -217,7 +229,7 @@ def test_oversize_messages_are_refused_where_they_are_made(ends: Ends) -> None:
     link, huge = ends.ready_link(), bytes(MAX_MESSAGE_BYTES + 1)
     ends.all_before(link, b"hello")
     for send in (link.offer, link.send, ends.hub.broadcast):
-        with pytest.raises(LocalProtocolError, match="at most 67108864"):
+        with pytest.raises(LocalProtocolError, match=f"at most {MAX_MESSAGE_BYTES}"):
             send(huge)
     assert link.ready()
 

@@ -131,7 +131,7 @@ class SimulatedHub(Hub):
         link = self._links[peer]
         self._network.send(self.process, link.process, len(message), link.take_message, checked(message))
 
-    def wait(self, seconds: float) -> None:
+    def wait(self, seconds: float, link: Link | None = None) -> None:
         """Nothing waits here: the simulation calls a process when something comes."""
 
     def close(self) -> None:
