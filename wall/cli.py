@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from wall.cli_faults import faults
+from wall.cli_faults import faults, soak
 from wall.cli_measure import measure
 from wall.cli_plan import plan
 from wall.cli_render import UpOption, ViewOption, render, replay
@@ -28,6 +28,7 @@ app = typer.Typer(
     "[bold]wall check[/] says what a configuration does before it does it.",
 )
 measure.command()(faults)
+measure.command()(soak)
 app.add_typer(measure, name="measure")
 app.command()(plan)
 app.command()(render)

@@ -1,4 +1,4 @@
-"""The `wall measure faults` command: as in cli_measure.py, which has no room for it."""
+"""The `wall measure faults` and `wall measure soak` commands: as in cli_measure.py, which has no room for them."""
 
 from __future__ import annotations
 
@@ -30,3 +30,26 @@ def faults(
         rows = [row for wall in walls for row in study.measure(wall, seconds=seconds, out=out, say=status.update)]
     for item in study.report(rows, out):
         console.print(item)
+
+
+def soak(
+    config: Annotated[Path | None, typer.Argument(help="A wall to run here; one of the project's")] = None,
+    minutes: Annotated[float, typer.Option(min=1.0, max=1440.0, help="How long it runs")] = 30.0,
+    seed: Annotated[int, typer.Option(help="Of the choice of processes")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/soak"),
+) -> None:
+    """Run a wall for long with inputs, viewers and a fault a minute: does memory, or anything else, grow?
+
+    [bold]wall measure soak --minutes 120 --out OUT/soak[/]
+    """
+    from wall.study import options
+    from wall.study.faults import soak as study
+    from wall.study.faults.faults import OWN
+
+    wall = config or OWN
+    options.check_files([wall])
+    with errors.status("running") as status:
+        rows = study.measure(wall, minutes=minutes, seed=seed, out=out, say=status.update)
+    for item in study.report(rows, out):
+        console.print(item)
+    raise typer.Exit(int(bool(study.judge(rows).why)))

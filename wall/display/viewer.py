@@ -8,6 +8,7 @@ import json
 import threading
 import time
 import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
@@ -90,6 +91,42 @@ async def _watch(address: str, display: str, seconds: float, drawing_s: float) -
                 await asyncio.sleep(drawing_s)
                 await connection.send_json({"kind": "shown", "number": number})
     return got
+
+
+def visit(address: str, commands: Sequence[Mapping[str, object]], *, display: str, seconds: float) -> int:
+    """Be a viewer for a while who steers, one command after the other. Returns how many images came.
+
+    Raises RunError where there is no page.
+    """
+    try:
+        return asyncio.run(_visit(address, commands, display, seconds))
+    except (aiohttp.ClientError, TypeError, ValueError, TimeoutError) as error:
+        raise RunError(f"{address}: no page of a wall answers: {error!r}") from error
+
+
+async def _visit(address: str, commands: Sequence[Mapping[str, object]], display: str, seconds: float) -> int:
+    number = left = images = 0
+    async with (
+        aiohttp.ClientSession() as session,
+        session.ws_connect(_stream_of(address), max_msg_size=0) as connection,
+    ):
+        await connection.send_json({"kind": "display", "value": display})
+        began, sent = time.monotonic(), 0
+        while (now := time.monotonic()) < began + seconds:
+            if sent < len(commands) and now >= began + seconds * sent / len(commands):
+                await connection.send_json(commands[sent])
+                sent += 1
+            message = await connection.receive(timeout=LOST_S)
+            if message.type is aiohttp.WSMsgType.TEXT:
+                said = json.loads(message.data)
+                if said["kind"] == "picture":
+                    left, number = said["panels"], said["number"]
+                continue
+            left -= 1
+            if left == 0:
+                images += 1
+                await connection.send_json({"kind": "shown", "number": number})
+    return images
 
 
 class StatusViewer:

@@ -153,8 +153,8 @@ class Manager:
         try:
             if isinstance(message, Hello):
                 self._check_rank(message.rank)
-                if self.register.take(message, now):
-                    self.heartbeats.pop(message.rank, None)
+                if self.register.take(message, now) and (last := self.heartbeats.pop(message.rank, None)) is not None:
+                    self.counters += Counter(last.dropped)  # of the process that died
                 for director in () if self._reloading.adopting else self._directors:  # who joins late gets the state
                     yield Send(message.rank, director.event)
                 if self.balancer is not None:

@@ -21,6 +21,7 @@ from wall.core.errors import RunError
 from wall.display.browser import IN_FLIGHT, Browser
 from wall.display.png import whole_wall
 from wall.display.stream import STATISTICS_HEADER
+from wall.display.viewer import visit
 
 
 @pytest.fixture
@@ -72,6 +73,29 @@ def test_slow_viewer_has_no_backlog_and_gets_the_newest_next(browser, image, sta
     quiet, (_, panels) = with_viewer(browser, act)
     assert quiet
     assert panels[0][0] == 199
+
+
+def test_a_visitor_draws_what_it_gets_and_steers(browser, image, status):
+    browser.show(image(1), status)
+    pause = {"kind": "pause"}
+    assert visit(browser.address, [pause], display="images", seconds=0.3) >= 1
+    assert browser.commands() == [pause]
+    assert browser.dropped() == {}
+    with pytest.raises(RunError, match="no page of a wall answers"):
+        visit("http://127.0.0.1:9/", [], display="images", seconds=0.3)
+
+
+def test_a_status_is_told_without_an_image(browser, image, status):
+    marked = replace(status, stale=((0.0, 0.0, 4.0, 4.0),))
+
+    async def act(viewer):
+        browser.show(image(1), status)
+        await viewer.next_image()
+        browser.tell(marked)
+        return (await get(browser, "status.json"))[2]
+
+    browser.tell(marked)  # before the first image there is nobody to be told
+    assert json.loads(with_viewer(browser, act))["stale"] == [[0.0, 0.0, 4.0, 4.0]]
 
 
 def test_new_viewer_gets_the_whole_wall_though_nothing_changes(browser, image, status):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from manager_run import TEXT, Run, hello, plan_of
 
@@ -100,6 +102,15 @@ def test_a_rank_that_takes_the_place_of_a_dead_one_is_in_the_run_again(elsewhere
     assert run.manager.take_news() == "rank 2 died (signal 9) after 1.0 s and was started again"
     run.tell(Died(2, "signal 9"))
     assert run.manager.ended == NO_RENDERER, "it is not started again for ever"
+
+
+def test_what_a_rank_dropped_before_it_died_stays_counted(elsewhere: Plan) -> None:
+    run = Run(elsewhere)
+    beat, again = run.beats(2)[0], hello(2, incarnation=2)
+    run.tell(hello(2), replace(beat, dropped={"late": 5}), Died(2, "signal 9", again=True), again, again)
+    assert run.manager.dropped() == {"late": 5}
+    run.tell(replace(beat, dropped={"late": 2, "no_credit": 1}))
+    assert run.manager.dropped() == {"late": 7, "no_credit": 1}
 
 
 def test_a_rank_that_dies_before_it_speaks_is_not_waited_for(elsewhere: Plan) -> None:

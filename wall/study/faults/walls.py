@@ -25,18 +25,25 @@ MOST_S = 120.0  # that a wall runs, if nobody ends it
 class FaultyWall:
     """A running wall; `end` it, whatever happens."""
 
-    def __init__(self, config: Path, folder: Path, out: Path) -> None:
-        """`folder`: for its images and what it prints; `out`: for results. Raises RunError where it does not run."""
+    def __init__(
+        self, config: Path, folder: Path, out: Path, *, most_s: float = MOST_S, keeps_images: bool = True
+    ) -> None:
+        """`folder`: for its images and what it prints; `out`: for results; `most_s`: see MOST_S.
+
+        Raises RunError where it does not run.
+        """
         self._output, self.images = folder / OUTPUT, folder / IMAGES
-        command = [sys.executable, "-m", "wall", "run", str(config), "--seconds", f"{MOST_S:g}", "--out", str(out)]
+        command = [sys.executable, "-m", "wall", "run", str(config), "--seconds", f"{most_s:g}", "--out", str(out)]
+        command += ["--images", str(self.images)] if keeps_images else []
         no_desktop = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
         with self._output.open("w", encoding="utf-8") as output:
             self.process = subprocess.Popen(
-                [*command, "--images", str(self.images)], stdin=subprocess.DEVNULL, stdout=output,
+                command, stdin=subprocess.DEVNULL, stdout=output,
                 stderr=subprocess.STDOUT, start_new_session=True, env=no_desktop,
             )  # fmt: skip
         try:
-            self._page = StatusViewer(self._wait_for_page())
+            self.address = self._wait_for_page()
+            self._page = StatusViewer(self.address)
         except BaseException:
             stop(self.process)
             raise
