@@ -54,21 +54,24 @@ class LocalBootstrap:
         pipes = [context.Pipe(duplex=False) for _ in range(size - 1)]
         to_nursery, at_nursery = context.Pipe()
         children: list[BaseProcess] = []
+        siblings: list[int] = []  # descriptors by which this process knows of its children, which others inherit
         before = {number: signal.signal(number, signal.SIG_IGN) for number in REASONS}  # as ranks do, from their start
         for rank in range(1, size):
             own = pipes[rank - 1][0]
             others = [end for pipe in pipes for end in pipe if end is not own] + [to_nursery, at_nursery]
             child = context.Process(
                 target=_run_child,
-                args=(rank, size, own, others, main, os.getpid(), keys[rank]),
+                args=(rank, size, own, others, main, os.getpid(), keys[rank], list(siblings)),
                 name=f"wall rank {rank}",
             )
+            known = _descriptors()
             child.start()
+            siblings += sorted(_descriptors() - known)
             children.append(child)
         nursery = None
         if again:
             others = [end for pipe in pipes for end in pipe] + [to_nursery]
-            args = (size, at_nursery, others, main, os.getpid(), keys)
+            args = (size, at_nursery, others, main, os.getpid(), keys, siblings)
             nursery = Nursery(context.Process(target=_nurse, args=args, name="wall nursery"), to_nursery)
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -162,20 +165,24 @@ def _nurse(
     main: Callable[[LocalBootstrap], None],
     parent: int,
     keys: Sequence[Keys | None],
+    siblings: Sequence[int],
 ) -> None:
     """The nursery: forks the ranks that it is told to, tells of those that end badly, ends when nobody can tell it."""
-    _belong_to(parent, others)
+    _belong_to(parent, others, siblings)
     context = multiprocessing.get_context("fork")
     children: dict[int, BaseProcess] = {}
+    held: dict[int, list[int]] = {}  # by child: descriptors by which this process knows of it, which others inherit
     while True:
         sentinels = {child.sentinel: rank for rank, child in children.items()}
         ready = wait([pipe, *sentinels])
         for rank in [sentinels[each] for each in ready if isinstance(each, int)]:
             child = children.pop(rank)
             child.join()
-            if child.exitcode:
+            if code := child.exitcode:
                 with contextlib.suppress(OSError):  # rank 0 asks no more
-                    pipe.send((rank, _how(child.exitcode)))
+                    pipe.send((rank, _how(code)))
+            child.close()
+            del held[rank]
         if pipe in ready:
             try:
                 rank, text = pipe.recv()
@@ -183,9 +190,12 @@ def _nurse(
                 break
             try:
                 reader, writer = context.Pipe(duplex=False)
-                args = (rank, size, reader, [pipe, writer], main, os.getpid(), keys[rank])
+                others_held = [descriptor for each in held.values() for descriptor in each]
+                args = (rank, size, reader, [pipe, writer], main, os.getpid(), keys[rank], others_held)
                 child = context.Process(target=_run_child, args=args)
+                before = _descriptors()
                 child.start()
+                held[rank] = sorted(_descriptors() - before)
             except OSError as error:  # no memory, or no process left
                 with contextlib.suppress(OSError):
                     pipe.send((rank, f"could not be started: {error}"))
@@ -199,17 +209,32 @@ def _nurse(
     os._exit(0)
 
 
+def _descriptors() -> set[int]:
+    """All that are open in this process."""
+    found = set()
+    for name in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(OSError):  # that of the folder itself, which is closed by now
+            os.fstat(int(name))
+            found.add(int(name))
+    return found
+
+
 def _how(exit_code: int) -> str:
     return f"signal {-exit_code}" if exit_code < 0 else f"exit code {exit_code}"
 
 
-def _belong_to(parent: int, ends: list[Connection]) -> None:
-    """Of a forked process: die with its parent, which gets the signals that end the run; close what is others'."""
+def _belong_to(parent: int, ends: list[Connection], siblings: Sequence[int]) -> None:
+    """Of a forked process: die with its parent, which gets the signals that end the run; close what is others'.
+
+    `siblings`: descriptors by which the parent knows of other ranks.
+    """
     end_with_parent(signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
     for end in ends:
         end.close()
+    for descriptor in siblings:
+        os.close(descriptor)
 
 
 def _run_child(
@@ -220,9 +245,10 @@ def _run_child(
     main: Callable[[LocalBootstrap], None],
     parent: int,
     keys: Keys | None,
+    siblings: Sequence[int],
 ) -> None:
     """A forked rank: says why it failed."""
-    _belong_to(parent, others)
+    _belong_to(parent, others, siblings)
     code = 1
     try:
         main(LocalBootstrap(rank, size, [pipe], [], keys=keys))
