@@ -132,6 +132,11 @@ class BrowserConfig(Model):
         default="auto",
         description="let in those alone who know the address that is printed; auto: unless host is loopback",
     )
+    watch_token: Text | None = Field(
+        default=None,
+        description="file with the token that lets watch and read metrics, relative to this one; a new one at each "
+        "start if left out",
+    )
     tls: TlsConfig | None = Field(default=None, description="serve the page encrypted, as https")
     port: Annotated[Whole, Ge(0), Le(65535)] = Field(default=0, description="port of the page; 0 = any free one")
     open: Flag = Field(default=True, description="open the page where there is a desktop")
@@ -155,6 +160,11 @@ class OutputConfig(Model):
         default="OUT", description="folder of images and summary.json, relative to where wall is started"
     )
     browser: BrowserConfig = Field(default=BrowserConfig(), description="the live page")
+    metrics: Annotated[Whole, Ge(0), Le(LARGEST_PORT)] | None = Field(
+        default=None,
+        description="port at browser.host that serves /metrics and /status.json with or without a page; 0 = any free "
+        "one; the page's own port alone if left out",
+    )
     record_hz: Annotated[Number, Ge(0.01), Le(240.0)] = Field(
         default=10.0, description="images a second that the recorder keeps"
     )

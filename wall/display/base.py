@@ -6,8 +6,8 @@ panels are their bezels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -17,6 +17,9 @@ from wall.core.data import Float32, StatisticsImage
 
 if TYPE_CHECKING:
     from wall.geometry.panels import Wall
+
+# classes of latencies: half a refresh at 120 Hz to what nobody waits for
+LATENCY_LIMITS_S = (0.005, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +97,24 @@ class RankStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RankTotals:
+    """What a process of the run has done since it was started, and what it has now."""
+
+    host: str
+    seconds: float = 0.0  # since it was started
+    silent_s: float = 0.0  # since it was last heard of
+    samples: int = 0  # traced
+    packets: int = 0  # sent
+    bytes: int = 0  # of them
+    refreshes: int = 0  # of images made here
+    cpu_s: float = 0.0
+    memory: int = 0  # bytes, now
+    peak_memory: int = 0  # bytes
+    credit: int = -1  # bytes that may be sent now where least may; below 0: it sends none
+    dropped: Mapping[str, int] = field(default_factory=dict)  # by name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterState:
     """A parameter and what it is now, as the command line and the page show it; see scene.parameters."""
 
@@ -129,6 +150,10 @@ class Status:
     parameters: tuple[ParameterState, ...] = ()  # that can be changed
     view_samplers: tuple[str, ...] = ()  # of every view
     bookmarks: tuple[int, ...] = ()  # of cameras, that can be recalled
+    totals: tuple[RankTotals, ...] = ()  # of every rank
+    latency_counts: tuple[int, ...] = ()  # inputs so far, by latency: up to each of LATENCY_LIMITS_S, and above
+    latency_sum_s: float = 0.0  # of all of them
+    refreshes: float = 0.0  # of the whole wall so far
 
 
 class Sink(Protocol):

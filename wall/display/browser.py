@@ -9,11 +9,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import socket
-import threading
-from collections import Counter, defaultdict, deque
+from collections import defaultdict, deque
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,12 +19,14 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from wall.core.data import StatisticsImage
-from wall.core.errors import RemoteProtocolError, RunError
+from wall.core.errors import RemoteProtocolError
 from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage
-from wall.display.gate import Gate, Pace, tls_of, why_not
+from wall.display.gate import Pace
+from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
 from wall.display.parts import Held, Part, part_of
 from wall.display.png import png_bytes
 from wall.display.sample_store import SampleStore
+from wall.display.server import LEAVE_S, NOBODY, THIS_MACHINE, Server
 from wall.display.steering import MAX_MESSAGE_BYTES, parse_message
 from wall.display.stream import (
     WATCHING,
@@ -44,23 +44,10 @@ STATUS_PERIOD_S = 0.25  # as often as numbers can be read
 MAX_VIEWERS = 8
 KEPT_FOR_STEERING = 2  # of them, where others only watch
 MAX_COMMANDS = 256  # 4 s of one viewer's dragging
-KEEP_ALIVE_S = 30.0  # a connection that asks for nothing more
-HANDSHAKE_S = 5.0  # of TLS
 HEARTBEAT_S = 5.0  # a viewer whose machine vanished is forgotten after about this time
-CLOSE_S = 0.9  # how long `close` waits; of which the server waits for viewers' goodbyes,
-LEAVE_S = 0.2  # open requests and unfinished tasks, each at most this long
 
 PAGE = Path(__file__).resolve().parent / "page"
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
-POLICY = "Content-Security-Policy"
-HEADERS = {
-    POLICY: "default-src 'self'; img-src 'self' blob: data:; frame-ancestors ",  # and whose
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-cache",
-}
-NOBODY, THIS_MACHINE = "'none'", "http://localhost:* http://127.0.0.1:*"  # whose pages may hold the page in a frame
 
 
 _Shown = tuple[bool, int]  # second image of two that are compared, panel
@@ -101,33 +88,38 @@ class Browser:
         why_images: Sequence[str] = (),
         max_viewers: int = MAX_VIEWERS,
         tokens: bool = False,
+        watch_token: str = "",
         tls: tuple[Path, Path] | None = None,
         embed: bool = False,
     ) -> None:
         """`views`: their names; `why_images`: see layout_message; port 0 takes any free one; `embed`: of BrowserConfig.
 
-        `tokens`: the page is for those alone who know its address; `tls`: files of a certificate and its key. Raises
-        RunError naming what cannot be had.
+        `tokens`: the page is for those alone who know its address; `watch_token`: see Gate; `tls`: files of a
+        certificate and its key. Raises RunError naming what cannot be had.
         """
-        self._host, self._port, self._max_viewers = host, port, max_viewers
-        self._frames = THIS_MACHINE if embed else NOBODY
+        self._max_viewers = max_viewers
         self._layout = layout_message(wall, views, why_images)
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
-        self._counters = Counter[str]()
-        self._gate, self._tls = Gate(host, self._counters, tokens=tokens), tls_of(tls)
         self._stores: dict[int, SampleStore] = {}  # of panels whose samples come
         self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, bytes]]] = {}  # by Part.key; the encoder's own
         self._statistics_wanted = False  # as last told by `commands`
         self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
-        self._loop = asyncio.new_event_loop()
-        self._stopping = asyncio.Event()
-        bound: Future[str] = Future()
-        self._thread = threading.Thread(target=self._serve, args=(bound,), name="browser", daemon=True)
-        self._thread.start()
-        where, (steer, watch) = bound.result(), self._gate.queries
+        self._server = Server(
+            host, port, tokens=tokens, watch_token=watch_token, tls=tls, frames=THIS_MACHINE if embed else NOBODY
+        )
+        self._loop, self._gate, self._counters = self._server.loop, self._server.gate, self._server.counters
+        routes = {
+            "/": _page,
+            "/stream": self._stream,
+            "/wall.png": self._wall_png,
+            "/status.json": self._status_json,
+            "/metrics": self._metrics,
+            "/{name}": _page,
+        }
+        where, (steer, watch) = self._server.start(routes, self._say_goodbye), self._gate.queries
         self.address = where + steer
         self.notes: tuple[str, ...] = ()  # what its users should know
         if tokens:
@@ -143,7 +135,7 @@ class Browser:
         self._stores = stores
         self._newest = (image, status)
         if self._viewers:
-            self._call(self._wake_viewers)
+            self._server.call(self._wake_viewers)
 
     def tell(self, status: Status) -> None:
         """Tell all viewers how the run is doing, before the next image."""
@@ -154,7 +146,7 @@ class Browser:
     def lay_out(self, wall: Wall, views: Sequence[str], why_images: Sequence[str]) -> None:
         """Tell all viewers where panels, insets and views are from now on; the panels are those of before."""
         self._layout = layout_message(wall, views, why_images)
-        self._call(self._wake_viewers)
+        self._server.call(self._wake_viewers)
 
     def commands(self) -> list[dict[str, Any]]:
         """What viewers asked for since the last call."""
@@ -178,12 +170,8 @@ class Browser:
 
     def close(self) -> None:
         """Tell the viewers, stop serving; within a second."""
-        self._call(self._stopping.set)
-        self._thread.join(CLOSE_S)
-
-    def _call(self, what: Any) -> None:
-        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody is there to be told
-            self._loop.call_soon_threadsafe(what)
+        self._server.close()
+        self._encoder.shutdown(wait=False, cancel_futures=True)
 
     def _wake_viewers(self) -> None:
         for viewer in self._viewers:
@@ -191,65 +179,22 @@ class Browser:
 
     # Below, everything runs in the server's thread, except _encode and png_bytes in the encoder's.
 
-    def _serve(self, bound: Future[str]) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._run(bound))
-        except Exception as error:
-            if bound.done():
-                raise
-            bound.set_exception(RunError(f"the page cannot be served at {self._host}: {error!r}"))
-        finally:
-            self._encoder.shutdown(wait=False, cancel_futures=True)
-            if left := asyncio.all_tasks(self._loop):  # of viewers that leave at this very moment
-                for task in left:
-                    task.cancel()
-                self._loop.run_until_complete(asyncio.wait(left, timeout=LEAVE_S))
-            self._loop.close()
-
-    async def _run(self, bound: Future[str]) -> None:
-        app = web.Application(middlewares=[self._gate.guard])
-        app.on_response_prepare.append(self._add_headers)
-        app.router.add_get("/", _page)
-        app.router.add_get("/stream", self._stream)
-        app.router.add_get("/wall.png", self._wall_png)
-        app.router.add_get("/status.json", self._status_json)
-        app.router.add_get("/{name}", _page)
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE_S, keepalive_timeout=KEEP_ALIVE_S)
-        await runner.setup()
-        more: dict[str, Any] = {"ssl_handshake_timeout": HANDSHAKE_S} if self._tls is not None else {}
-        assert runner.server is not None
-        try:
-            server = await self._loop.create_server(runner.server, self._host, self._port, ssl=self._tls, **more)
-        except OSError as error:
-            await runner.cleanup()
-            bound.set_exception(RunError(why_not(self._host, self._port, error)))
-            return
-        sweeping = asyncio.create_task(self._gate.sweep(runner.server))
-        bound.set_result(self._address(*server.sockets[0].getsockname()[:2]))
-        await self._stopping.wait()
-        sweeping.cancel()
-        server.close()
+    async def _say_goodbye(self) -> None:
         goodbyes = [v.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the run has ended") for v in self._viewers]
         await asyncio.gather(*goodbyes, return_exceptions=True)
-        await runner.cleanup()
-
-    def _address(self, host: str, port: int) -> str:
-        if host in ("0.0.0.0", "::"):
-            host = socket.gethostname()
-        scheme = "http" if self._tls is None else "https"
-        return f"{scheme}://[{host}]:{port}/" if ":" in host else f"{scheme}://{host}:{port}/"
-
-    async def _add_headers(self, request: web.Request, response: web.StreamResponse) -> None:
-        response.headers.update(HEADERS)
-        response.headers[POLICY] = HEADERS[POLICY] + self._frames
 
     async def _status_json(self, request: web.Request) -> web.Response:
         if self._newest is None:
             raise web.HTTPServiceUnavailable(text="no image yet\n")
-        page = {"viewers": len(self._viewers), "page_bytes": self.sent_bytes, "page_dropped": self.dropped()}
-        text = status_message(self._newest[1], **page)
+        text = whole_status_message(self._newest[1], self._page_counts())
         return web.Response(text=text, content_type="application/json")
+
+    async def _metrics(self, request: web.Request) -> web.Response:
+        status = None if self._newest is None else self._newest[1]
+        return web.Response(text=metrics_text(status, self._page_counts()), headers={"Content-Type": CONTENT_TYPE})
+
+    def _page_counts(self) -> PageCounts:
+        return PageCounts(viewers=len(self._viewers), bytes=self.sent_bytes, dropped=self.dropped())
 
     async def _wall_png(self, request: web.Request) -> web.Response:
         if self._newest is None:

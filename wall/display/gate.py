@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import re
 import secrets
 import socket
 import ssl
@@ -19,24 +20,31 @@ from typing import Any
 from aiohttp import web
 
 from wall.core.errors import RunError
+from wall.core.files import read_file
 from wall.core.network import is_loopback
 from wall.display.steering import host_is_ours, origin_is_ours
 
 TOKEN_BYTES = 16
+OWN_TOKEN = re.compile("[A-Za-z0-9_-]{16,128}")  # what a file may hold as one
 FIRST_REQUEST_S = 5.0  # for a connection to ask for something that it may have
 MAX_SILENT = 64  # connections that have not done so yet; the oldest beyond are closed
 SWEEP_S = 0.25
+MOST_TOKEN_BYTES = 1024  # of a file
 RATE, BURST = 500.0, 1000.0  # messages a second of one viewer, and at once: a page sends about 100
 
 
 class Gate:
     """Belongs to the server's thread."""
 
-    def __init__(self, host: str, counters: Counter[str], *, tokens: bool = False) -> None:
-        """`host`: the address that the server is bound to; `tokens`: they are asked for."""
+    def __init__(self, host: str, counters: Counter[str], *, tokens: bool = False, watch_token: str = "") -> None:
+        """`host`: the address that the server is bound to; `tokens`: they are asked for.
+
+        `watch_token`: lets watch; "": a new one does.
+        """
         self._host, self._counters = host, counters
         self._names = _own_names(host)
-        self._steer, self._watch = (secrets.token_urlsafe(TOKEN_BYTES) if tokens else "" for _ in range(2))
+        self._steer = secrets.token_urlsafe(TOKEN_BYTES) if tokens else ""
+        self._watch = (watch_token or secrets.token_urlsafe(TOKEN_BYTES)) if tokens else ""
         self._silent: dict[Any, float] = {}  # since when, by connection
         self._spoke: set[Any] = set()  # connections
 
@@ -127,6 +135,18 @@ def tls_of(files: Sequence[Path] | None) -> ssl.SSLContext | None:
     return context
 
 
+def token_in(path: Path) -> str:
+    """The token in a file. Raises RunError where it has none that serves."""
+    try:
+        token = read_file(path, MOST_TOKEN_BYTES).decode().strip()
+    except (OSError, ValueError) as error:
+        raise RunError(f"output.browser.watch_token: {path}: {getattr(error, 'strerror', '') or error}") from error
+    if not OWN_TOKEN.fullmatch(token):
+        wanted = "wanted: 16 to 128 letters, digits, - and _, such as: openssl rand -hex 16"
+        raise RunError(f"output.browser.watch_token: {path} holds {len(token)} characters that are no token; {wanted}")
+    return token
+
+
 def why_not(host: str, port: int, error: OSError) -> str:
     """Why a server could not be bound."""
     where = f"the page cannot be served at {host} port {port}"
@@ -142,7 +162,9 @@ def _cookie(request: web.Request) -> str:
 
 
 def _token_of(request: web.Request) -> str:
-    return request.query.get("token") or request.cookies.get(_cookie(request), "")
+    scheme, _, token = request.headers.get("Authorization", "").partition(" ")
+    bearer = token.strip() if scheme.lower() == "bearer" else ""
+    return request.query.get("token") or bearer or request.cookies.get(_cookie(request), "")
 
 
 def _same(one: str, other: str) -> bool:

@@ -172,9 +172,9 @@ def layout_message(wall: Wall, views: Sequence[str], why_images: Sequence[str] =
 
 
 def status_message(status: Status, **more: Any) -> str:
-    """Every field of Status but its parameters; what is not finite becomes null, which JSON can say."""
-    values = asdict(replace(status, parameters=()))
-    del values["parameters"]
+    """Every field of Status but its parameters and totals; what is not finite becomes null, which JSON can say."""
+    values = asdict(replace(status, parameters=(), totals=()))
+    del values["parameters"], values["totals"]
     return json.dumps(_finite({"kind": "status", **values, **more}), allow_nan=False)
 
 

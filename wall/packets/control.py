@@ -23,7 +23,7 @@ from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 15
+MAGIC, VERSION = b"WALL", 16
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
@@ -89,6 +89,7 @@ class Heartbeat:
     peak_memory: int = 0  # bytes
     right_s: float = 0.0  # from an input until the images made here are right in 90 % of their pixels; 0: not known
     cpu_seconds: float = 0.0  # of its process, all threads, since its loop began
+    credit: int = -1  # bytes that it may send now, to the rank to which it may send least; below 0: it sends none
     dropped: dict[str, int] = field(default_factory=dict)
     samples_per_pixel: int = 0  # of the progressive sampler's stage that is shown; 0: none is
     square_error: float = 0.0  # estimate of its mean squared error, display codes of 8 bits; 0: not known

@@ -38,7 +38,7 @@ from wall.roles.instructions import (
 from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
 from wall.roles.statistics import Due
-from wall.roles.status import AWAY_FROM_HEAD, Latency, Rates, statistics_of, status_of
+from wall.roles.status import AWAY_FROM_HEAD, Latency, Rates, statistics_of, status_of, totals_of
 from wall.roles.view import FollowedView
 
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
@@ -82,7 +82,8 @@ class Compositor:
         self._statistics_images: tuple[StatisticsImage, ...] = ()
         self._statistics_due = Due()
         self._sent = Sent()
-        self._came_ranks: frozenset[int] = frozenset()  # that have been in the run
+        self._known: dict[int, Hello] = {}  # what ranks that have been in the run last said of themselves
+        self._came_ranks: frozenset[int] = frozenset()  # these ranks
         self._gone: frozenset[int] = frozenset()  # of those: that were not heard of since the status was last made
         self._came = False  # packets, since the last tick
         self._others = {step.index for step in needed_from_others(graph, hello.rank)}
@@ -125,6 +126,7 @@ class Compositor:
                 yield connect
                 if connect.anew:
                     self.composition.renew(connect.rank)
+            self._known |= self.standing.members
             self._came_ranks |= self.standing.members.keys()
             self._gone |= self._came_ranks - self.standing.members.keys()
             if self._rank == HEAD and self.standing.members.keys() != before and self._views[0].event is not None:
@@ -228,12 +230,15 @@ class Compositor:
             beat = self._beats.get(layer.compositor)
             if layer.at_renderer and beat is not None and beat.oldest_sample_at >= 0.0:
                 oldest[layer.index] = max(0.0, now - beat.oldest_sample_at)
-        self._status = status_of(
+        status = status_of(
             self._plan, event, self._beats, self.standing.members, self.latency,
             seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
             parameters=self._states_under(event), bookmarks=self._bookmarks, gone=self._gone,
             view_samplers=tuple("" if view.event is None else view.event.sampler for view in self._views),
         )  # fmt: skip
+        ranks = range(self._plan.layout.size)
+        totals = tuple(totals_of(self._beats.get(k), self._known.get(k), now) for k in ranks)
+        self._status = replace(status, totals=totals, refreshes=self.refreshes)
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
         if self._overlays_elsewhere:

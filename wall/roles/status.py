@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from wall.config.sampling import METHODS
 from wall.core.data import Event
-from wall.display.base import ParameterState, RankStatus, Status
+from wall.display.base import LATENCY_LIMITS_S, ParameterState, RankStatus, RankTotals, Status
 from wall.packets.control import Heartbeat, Hello, Statistics
 from wall.roles.plan import Layout, Plan
 from wall.roles.slowness import why_slow
@@ -55,6 +56,7 @@ class Latency:
     def __init__(self) -> None:
         self._waiting: dict[int, deque[tuple[tuple[int, int], float]]] = {}  # by view
         self.seconds: deque[float] = deque(maxlen=MEASURED_LATENCIES)
+        self.counts, self.sum_s = [0] * (len(LATENCY_LIMITS_S) + 1), 0.0  # of all: see Status.latency_counts
 
     def published(self, event: Event) -> None:
         """An event is to be shown."""
@@ -65,7 +67,10 @@ class Latency:
         """Samples of a view's event, and so of all before it, are shown."""
         waiting = self._waiting.get(view, ())
         while waiting and waiting[0][0] <= number:
-            self.seconds.append(now - waiting.popleft()[1])
+            seconds = now - waiting.popleft()[1]
+            self.seconds.append(seconds)
+            self.counts[bisect_left(LATENCY_LIMITS_S, seconds)] += 1
+            self.sum_s += seconds
 
 
 def samplers_of(plan: Plan) -> tuple[str, ...]:
@@ -117,6 +122,8 @@ def status_of(
         parameters=parameters,
         view_samplers=view_samplers,
         bookmarks=bookmarks,
+        latency_counts=tuple(latency.counts),
+        latency_sum_s=latency.sum_s,
     )
 
 
@@ -138,6 +145,27 @@ def _rank_status(
         dropped=sum(beat.dropped.values()),
         alive=alive,
         memory_mb=beat.memory / 2**20,
+    )
+
+
+def totals_of(beat: Heartbeat | None, member: Hello | None, now: float) -> RankTotals:
+    """What a rank has done by its newest heartbeat; `now`: seconds of the head's clock."""
+    host = member.host if member is not None else ""
+    if beat is None:
+        return RankTotals(host=host)
+    return RankTotals(
+        host=host,
+        seconds=beat.seconds,
+        silent_s=max(0.0, now - beat.time),
+        samples=beat.samples_traced,
+        packets=beat.packets,
+        bytes=beat.bytes,
+        refreshes=sum(beat.refreshes_of.values()),
+        cpu_s=beat.cpu_seconds,
+        memory=beat.memory,
+        peak_memory=beat.peak_memory,
+        credit=beat.credit,
+        dropped=beat.dropped,
     )
 
 

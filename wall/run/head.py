@@ -7,14 +7,14 @@ import os
 import socket
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from wall.core.errors import WallError
-from wall.display.base import Sink
+from wall.display.base import Sink, Status, WallImage
 from wall.display.files import replaced
 from wall.display.image_log import ImageLog
 from wall.display.saving import Saver
@@ -31,7 +31,7 @@ from wall.run.endings import EndSignals, WriterApart
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, told_again, ways_of
-from wall.run.sinks import distinct, make_sinks, notes_of, save_images, window_input_of
+from wall.run.sinks import distinct, make_metrics_server, make_sinks, notes_of, save_images, window_input_of
 from wall.run.succession import FileWatch, Preparer
 from wall.run.usage import cpu_seconds
 from wall.transport.factory import LOOPBACK
@@ -130,8 +130,19 @@ class HeadProcess:
         log = ImageLog(options.images) if options.images is not None else None
         if log is not None:
             closing.later(log.close)
+        metrics = make_metrics_server(plan)
+        if metrics is not None:
+            closing.later(metrics.close)
+            say(f"note: metrics at {metrics.address}")
+
+        def shown(images: Sequence[WallImage], status: Status) -> None:
+            if log is not None:
+                log.take(images, clock.now())
+            if metrics is not None:
+                metrics.tell(status)
+
         closing.later(self._apart.wait)
-        self._loop = loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, self._preparer, log=log)
+        self._loop = loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, self._preparer, shown=shown)
         began = clock.now()
         self._manager = Manager(
             plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete, key=key,

@@ -14,8 +14,7 @@ from itertools import chain
 
 from wall.core.clock import Clock
 from wall.core.errors import RunError
-from wall.display.base import Sink, TakesSamples, TellsStatus
-from wall.display.image_log import ImageLog
+from wall.display.base import Sink, Status, TakesSamples, TellsStatus, WallImage
 from wall.packets.control import Adopt, Heartbeat, Membership, Message, Prepare
 from wall.roles.instructions import (
     MANAGER,
@@ -43,6 +42,7 @@ from wall.run.tracers import Tracers
 from wall.run.usage import Usage, usage
 
 Source = Callable[[], Iterable[Input]]  # of messages that come by other ways than the network
+OnShown = Callable[[Sequence[WallImage], Status], None]
 
 
 class Loop:
@@ -58,18 +58,18 @@ class Loop:
         sinks: Sequence[Sink | None] = (),
         sources: Sequence[Source] = (),
         longest_wait_s: float = 0.05,
-        log: ImageLog | None = None,
+        shown: OnShown | None = None,
         succession: Succession | Preparer | None = None,
         used: Callable[[], Usage] = usage,
     ) -> None:
-        """`tracers` execute Trace, `sinks` and `log` take what is shown.
+        """`tracers` execute Trace, `sinks` take what is shown; after them `shown` is told of it, too.
 
         `sources` are asked at least every `longest_wait_s`. `succession`: of a rank, or what prepares for the manager;
         None: the configuration stays.
         """
         self.role, self.finished = role, False
         self._succession, self._membership = succession, Membership()
-        self._log, self._used, self._before = log, used, used().cpu_seconds
+        self._shown, self._used, self._before = shown, used, used().cpu_seconds
         self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
         self._sample_sinks = [sink for sink in sinks if isinstance(sink, TakesSamples)]
         self._tellers = [sink for sink in sinks if isinstance(sink, TellsStatus)]
@@ -152,8 +152,8 @@ class Loop:
                 for sink, image in zip(self._sinks, images, strict=True):
                     if sink is not None:
                         sink.show(image, status)
-                if self._log is not None:
-                    self._log.take(images, self._clock.now())
+                if self._shown is not None:
+                    self._shown(images, status)
                 return [Presented(any(sink.wants_samples for sink in self._sample_sinks))]
             case Tell(status):
                 for teller in self._tellers:
@@ -165,7 +165,7 @@ class Loop:
         return ()
 
     def _completed(self, message: Message) -> Message:
-        """A heartbeat of this rank with what its role cannot know: memory, CPU time, drops at links and sinks."""
+        """A heartbeat of this rank with what its role cannot know: memory, CPU time, credit, drops outside it."""
         if not isinstance(message, Heartbeat):
             return message
         dropped = self._ports.drops()
@@ -175,5 +175,5 @@ class Loop:
         used = self._used()
         return replace(
             message, memory=used.memory, peak_memory=used.peak_memory, cpu_seconds=used.cpu_seconds - self._before,
-            dropped=dict(+dropped),
+            dropped=dict(+dropped), credit=self._ports.credit(),
         )  # fmt: skip

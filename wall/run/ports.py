@@ -129,6 +129,10 @@ class Ports:
         """What was dropped on all ways, by name."""
         return sum((way.counters for way in self._ways()), Counter(self._counters))
 
+    def credit(self) -> int:
+        """Bytes that may be sent now over the link that has least left; -1: over none is anything sent."""
+        return min((link.credit.left for link in self._links.values()), default=-1)
+
     def close(self) -> None:
         """Close all of them, within a bounded time each."""
         for way in self._ways():

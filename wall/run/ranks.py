@@ -17,7 +17,6 @@ from wall.config.loading import dump
 from wall.core.clock import Clock
 from wall.core.data import Batch
 from wall.display.base import Sink
-from wall.display.image_log import ImageLog
 from wall.packets.control import Hello
 from wall.roles.composition import RunAll, one_by_one
 from wall.roles.compositor import Compositor
@@ -30,7 +29,7 @@ from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.clock import HeadClock
 from wall.run.endings import EndSignals, WriterApart, leave_to_head
 from wall.run.event_file import EventFile
-from wall.run.loop import Loop, Source
+from wall.run.loop import Loop, OnShown, Source
 from wall.run.ports import Ports
 from wall.run.recording import RecordedClock, RecordedPorts, file_of
 from wall.run.sinks import distinct, lay_out, make_sinks, notes_of, save_images, window_input_of
@@ -162,9 +161,9 @@ def compositor_loop(
     sinks: list[Sink | None],
     preparer: Preparer,
     sources: Sequence[Source] = (),
-    log: ImageLog | None = None,
+    shown: OnShown | None = None,
 ) -> Loop:
-    """A compositor, at the head or elsewhere; `log` keeps what its sinks are given."""
+    """A compositor, at the head or elsewhere; `shown` is told of what its sinks are given."""
     hello = hello_of(rank, hub.endpoint)
     sink_of = dict(zip((step.node.id for step in plan.layout.graph.sinks_on(rank)), sinks, strict=True))
 
@@ -182,7 +181,7 @@ def compositor_loop(
         return compositor, None
 
     return Loop(
-        make(plan), ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S, log=log,
+        make(plan), ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S, shown=shown,
         succession=Succession(rank, preparer, follow),
     )  # fmt: skip
 

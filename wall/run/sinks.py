@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
+from wall.config.loading import Loaded
 from wall.display.base import LaysOut, Sink, Steered
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
@@ -18,6 +19,7 @@ from wall.roles.plan import Plan, window_panels
 
 if TYPE_CHECKING:
     from wall.display.browser import Browser
+    from wall.display.metrics_server import MetricsServer
 
 
 def make_sinks(
@@ -47,14 +49,35 @@ def make_sinks(
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
             views = [view.id for view in plan.views]
-            page, folder = output.browser, layout.loaded.folder
+            page = output.browser
             sink = browser = Browser(
-                page.host, page.port, layout.wall, views=views, why_images=why_images(layout), tokens=page.tokens,
-                tls=None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key),
-                embed=page.embed,
+                page.host, page.port, layout.wall, views=views, why_images=why_images(layout), embed=page.embed,
+                **_access(layout.loaded),
             )  # fmt: skip
         sinks.append(sink)
     return sinks, browser
+
+
+def make_metrics_server(plan: Plan) -> MetricsServer | None:
+    """What serves metrics at a port of their own; None where none is wanted. Raises RunError where that cannot be."""
+    output = plan.layout.config.output
+    if output.metrics is None:
+        return None
+    from wall.display.metrics_server import MetricsServer  # and aiohttp, see above
+
+    return MetricsServer(output.browser.host, output.metrics, **_access(plan.layout.loaded))
+
+
+def _access(loaded: Loaded) -> dict[str, Any]:
+    """Who gets in at the page and at metrics: options of both."""
+    from wall.display.gate import token_in
+
+    page, folder = loaded.config.output.browser, loaded.folder
+    return {
+        "tokens": page.tokens,
+        "watch_token": "" if page.watch_token is None else token_in(folder / page.watch_token),
+        "tls": None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key),
+    }
 
 
 def _windows(plan: Plan, rank: int) -> WindowSink | None:

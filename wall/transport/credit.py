@@ -33,6 +33,11 @@ class LinkCredit:
         return self.sent + size <= self._limit or idle
 
     @property
+    def left(self) -> int:
+        """Bytes that may be sent now."""
+        return max(0, self._limit - self.sent)
+
+    @property
     def ready(self) -> bool:
         """Whether a packet as large as the last one would be sent at once."""
         return not self._queue and self.allows(self._last_size)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wall.config.screens import GridConfig, WallConfig
-from wall.display.base import PanelImage, RankStatus, Status, WallImage
+from wall.display.base import PanelImage, RankStatus, RankTotals, Status, WallImage
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
 
@@ -74,4 +74,5 @@ def status() -> Status:
         latency_ms=(20.0, 30.0, 40.0),
         latencies_ms=(20.0, 30.0),
         refreshes_per_s=30.0,
+        totals=(RankTotals(host=""),) * 2,
     )

@@ -20,7 +20,7 @@ from wall.display.viewer import watch
 
 TLS = Path(__file__).with_name("tls.pem")  # certificate and key
 ORBIT = {"kind": "orbit", "x": 0.5, "y": 0}
-PATHS = ("", "page.js", "stream", "wall.png", "status.json")
+PATHS = ("", "page.js", "stream", "wall.png", "status.json", "metrics")
 
 
 @pytest.fixture
@@ -92,7 +92,7 @@ def test_the_token_of_the_address_becomes_a_cookie_that_opens_all_of_the_page(br
     cookie, paths = run(act())
     assert "HttpOnly" in cookie
     assert "SameSite=Lax" in cookie
-    assert paths == [200] * 4
+    assert paths == [200] * 5
 
 
 def test_who_may_only_watch_is_told_so_and_changes_nothing(browser, image, status):

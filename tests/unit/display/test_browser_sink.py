@@ -354,7 +354,7 @@ def test_close_tells_the_viewers_within_a_second_even_one_that_does_not_listen(b
     code, seconds = with_viewer(browser, act)
     assert code == aiohttp.WSCloseCode.GOING_AWAY
     assert seconds < 1.0
-    assert not browser._thread.is_alive()
+    assert not browser._server._thread.is_alive()
 
 
 def test_show_after_close_is_harmless(browser, image, status):

@@ -12,6 +12,7 @@ from flat_batches import TEXT as ONE_PANEL
 
 from wall.config.loading import loads
 from wall.core.data import Edits, Event
+from wall.display.base import LATENCY_LIMITS_S
 from wall.operators.overlay import PLACEHOLDERS, Overlay
 from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput, parse_control
 from wall.packets.framelets import FrameletPart
@@ -102,6 +103,24 @@ def test_a_refresh_is_of_the_newest_event_in_all_its_parts(plan: Plan) -> None:
         assert (image.camera_event, show.status.compare) == (number + 1, compare)
         second = [panel.id for panel in image.compared]
         assert second == ([panel.id for panel in image.panels] if compare else []), "each on its own panel, or none"
+
+
+def test_the_status_has_what_each_rank_has_done_and_the_host_of_one_that_is_gone(alone: Plan) -> None:
+    head, event = Rank(alone), first_event(alone, 0.0)
+    hellos = [Hello(rank=k, host=f"host{k}", endpoint="", incarnation=1) for k in range(2)]
+    head.tell(event, Membership(members=tuple(hellos)))
+    head.tell(replace(event, camera_event=1, input_time=head.now))
+    beat = Heartbeat(rank=1, time=head.now - 0.4, samples_traced=7, credit=9, cpu_seconds=2.5, seconds=1.0)
+    batch = replace(flat(0.5, replace(event, camera_event=1), adaptive=True), base_time=head.now, relightable=True)
+    head.tell(Packet(encode(batch)), after=0.04)
+    (show,) = of(Show, head.tell(beat, Membership(members=tuple(hellos[:1])), after=1.0))
+    _, renderer = show.status.totals
+    assert (renderer.host, renderer.samples, renderer.credit, renderer.cpu_s) == ("host1", 7, 9, 2.5)
+    assert renderer.silent_s == pytest.approx(1.44)
+    assert sum(show.status.latency_counts) == 1
+    assert show.status.latency_counts[LATENCY_LIMITS_S.index(0.15)] == 1
+    assert show.status.latency_sum_s == pytest.approx(0.14)
+    assert show.status.refreshes == head.role.refreshes > 0
 
 
 def test_an_older_event_changes_nothing(plan: Plan) -> None:

@@ -112,6 +112,7 @@ def test_credit_bounds_the_bytes_under_way_and_the_oldest_waiting_packet_gives_w
     assert [number(data) for _, data in came] == list(range(10))
     assert dropped == list(range(10, 100 - QUEUED_PACKETS))
     assert link.counters == {"no_credit": 88}
+    assert link.credit.left < len(packet(0))
     for peer, data in came:
         ends.hub.release(peer, len(data))
     rest: list[int] = []
