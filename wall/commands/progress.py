@@ -111,4 +111,4 @@ def show_summary(summary: dict[str, Any], out: Path) -> None:
     )
     if summary["dropped"]:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))
-    console.print(f"results in {out}/")
+    console.print(f"results in {out}/, logs of all ranks in {out}/log/")

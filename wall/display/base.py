@@ -150,6 +150,7 @@ class Status:
     parameters: tuple[ParameterState, ...] = ()  # that can be changed
     view_samplers: tuple[str, ...] = ()  # of every view
     bookmarks: tuple[int, ...] = ()  # of cameras, that can be recalled
+    notes: tuple[str, ...] = ()  # of ranks and of the run, the newest last
     totals: tuple[RankTotals, ...] = ()  # of every rank
     latency_counts: tuple[int, ...] = ()  # inputs so far, by latency: up to each of LATENCY_LIMITS_S, and above
     latency_sum_s: float = 0.0  # of all of them

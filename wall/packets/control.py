@@ -20,6 +20,7 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.edits import edits_body, parse_edits
 from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
+from wall.packets.notes import LEVELS, Note
 from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
@@ -27,7 +28,7 @@ MAGIC, VERSION = b"WALL", 16
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
-KIND_PREPARE, KIND_PREPARED, KIND_ADOPT = 18, 19, 20
+KIND_PREPARE, KIND_PREPARED, KIND_ADOPT, KIND_NOTE = 18, 19, 20, 21
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters
@@ -213,7 +214,7 @@ class Adopt:
 
 Message: TypeAlias = (
     Event | FrameletPart | Hello | Heartbeat | Membership | Ping | Pong | Statistics | StatisticsImage
-    | Stop | WindowInput | EditRequest | EditAnswer | Selection | Assignment | Prepare | Prepared | Adopt
+    | Stop | WindowInput | EditRequest | EditAnswer | Selection | Assignment | Prepare | Prepared | Adopt | Note
 )  # fmt: skip
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
@@ -231,6 +232,7 @@ _JSON_KINDS: dict[int, type[Any]] = {
     KIND_PREPARE: Prepare,
     KIND_PREPARED: Prepared,
     KIND_ADOPT: Adopt,
+    KIND_NOTE: Note,
 }
 _MAX_BYTES: dict[type[Any], int] = {
     Membership: MAX_MEMBERSHIP_BYTES,
@@ -239,15 +241,9 @@ _MAX_BYTES: dict[type[Any], int] = {
     Prepare: MAX_CONFIGURATION_BYTES,
 }
 _NOT_BELOW_0 = (
-    "samples_per_s",
-    "compared_per_s",
-    "bytes_per_s",
-    "seconds",
-    "cpu_seconds",
-    "square_error",
-    "refreshes_per_s",
+    "samples_per_s", "compared_per_s", "bytes_per_s", "seconds", "cpu_seconds", "square_error", "refreshes_per_s",
     "right_s",
-)
+)  # fmt: skip
 
 
 def serialise(message: Message) -> bytes:
@@ -357,6 +353,8 @@ def _parse_json(cls: Any, body: bytes) -> Message:
     message: Message = _checked(cls, values)
     if isinstance(message, Heartbeat) and (below := [name for name in _NOT_BELOW_0 if getattr(message, name) < 0.0]):
         raise RemoteProtocolError(f"a Heartbeat of rank {message.rank} with {', '.join(below)} below 0")
+    if isinstance(message, Note) and message.level not in LEVELS:
+        raise RemoteProtocolError(f"a Note of level {message.level[:40]!r}; wanted one of {', '.join(LEVELS)}")
     return message
 
 

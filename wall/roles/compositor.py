@@ -7,6 +7,7 @@ its sinks and framelets to other compositors.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 
@@ -16,6 +17,7 @@ from wall.core.errors import RemoteProtocolError
 from wall.display.base import ParameterState, Status, WallImage
 from wall.operators.overlay import Overlay
 from wall.packets.control import Assignment, Heartbeat, Hello, Membership, Selection, Statistics, Stop, WindowInput
+from wall.packets.notes import Note
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import Number, Sent, needed_from_others, summed_number, target_ranks
 from wall.roles.editing import shown_parameters, states_of
@@ -43,6 +45,7 @@ from wall.roles.view import FollowedView
 
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
 RATE_SPAN_S = 1.0  # refreshes a second are an average over at least so long
+SHOWN_NOTES = 4  # on the page, the newest
 BETWEEN_ARRIVALS_S = 0.004  # images of others are shown as they come, but no more often than this
 LAST_S = 2.0  # at the end packets that are on their way are taken in for so long at most
 
@@ -76,6 +79,7 @@ class Compositor:
         self._states: tuple[tuple[float, Edits, float], tuple[ParameterState, ...]] | None = None
         self._handles: HandlesMaker | None = None  # of the object that is selected
         self._bookmarks: tuple[int, ...] = ()
+        self._notes: deque[str] = deque(maxlen=SHOWN_NOTES)
         self._shown: dict[int, Event] = {}  # by view: the event of its newest image
         self._status: Status = AWAY_FROM_HEAD
         self._status_due = -math.inf
@@ -139,6 +143,9 @@ class Compositor:
             self._parameters, self._states = shown_parameters(self._plan, message.name), None
             self._handles = HandlesMaker(self._plan, message.name) if message.name else None
             self._bookmarks = tuple(message.bookmarks)
+        elif isinstance(message, Note):
+            self._notes.append(message.said.strip())
+            self._status_due = now
         elif isinstance(message, Statistics):
             self.composition.say(asdict(message))
         elif isinstance(message, Assignment):
@@ -238,7 +245,7 @@ class Compositor:
         )  # fmt: skip
         ranks = range(self._plan.layout.size)
         totals = tuple(totals_of(self._beats.get(k), self._known.get(k), now) for k in ranks)
-        self._status = replace(status, totals=totals, refreshes=self.refreshes)
+        self._status = replace(status, totals=totals, refreshes=self.refreshes, notes=tuple(self._notes))
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
         if self._overlays_elsewhere:

@@ -16,16 +16,8 @@ from wall.core.data import Event
 from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import OF_ONE_VIEW, Command, parse
-from wall.packets.control import (
-    EditRequest,
-    Heartbeat,
-    Hello,
-    Prepared,
-    Selection,
-    Statistics,
-    Stop,
-    WindowInput,
-)
+from wall.packets.control import EditRequest, Heartbeat, Hello, Prepared, Selection, Statistics, Stop, WindowInput
+from wall.packets.notes import Note
 from wall.roles.balance import Balancer
 from wall.roles.director import Director
 from wall.roles.edges import summed_number
@@ -131,12 +123,6 @@ class Manager:
         """The first camera event of a configuration that follows this one."""
         return 1 + max(director.event.camera_event for director in self._directors)
 
-    def take_news(self) -> str:
-        """What came of a configuration since this was asked last, in words; "" for none."""
-        said, self._reloading.said = self._reloading.said, ""
-        news, self.register.news = [*self.register.news, *filter(None, [said])], []
-        return "; ".join(news)
-
     @property
     def newest_plan(self) -> Plan:
         """What a rank has to know that starts now: also while others go over to it."""
@@ -171,6 +157,9 @@ class Manager:
                 self._take_input(message, now)
                 if self._selection != before:
                     yield Send(HEAD, self._selection)
+            elif isinstance(message, Note):
+                self._check_rank(message.rank)
+                self.register.news.append(message)
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
             elif isinstance(message, EditRequest) and message.configuration:
@@ -249,6 +238,8 @@ class Manager:
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Publish events, notice lost ranks, end the run in its steps."""
+        said, self._reloading.said = self._reloading.said, ""
+        yield from self.register.tell(said)
         if self._phase is Phase.RUNNING:
             self._watch(now)
             if self.ended:

@@ -7,14 +7,18 @@ lost or late copy does no harm; compositors and renderers connect to each other 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator
 
 from wall.config.schema import TransportConfig
 from wall.packets.control import Heartbeat, Hello, Membership
+from wall.packets.notes import Note, note_of
 from wall.roles.instructions import MANAGER, Broadcast, Connect, Died, Finish, Instruction, Send
+from wall.roles.plan import HEAD
 
 GATHER_S = 0.05  # ranks that join within so long are told of together
 REPEAT_S = 2.0  # membership is said again
+MOST_NOTES = 256  # that wait to be told; of more the newest
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a message of the manager, then a rank ends itself
 
 
@@ -26,7 +30,8 @@ class Register:
         self.lost: dict[int, str] = {}  # ranks that died or are silent: how
         self.silences: dict[int, float] = {}  # the longest that a rank was silent, beyond lost_after_s
         self.restarts: dict[int, list[str]] = {}  # by rank: how those died in whose place another came
-        self.news: list[str] = []  # to be told
+        self.news: list[Note] = []  # to be told
+        self._notes: deque[Note] = deque(maxlen=MOST_NOTES)  # for the head's process
         self._died: set[int] = set()  # of the lost ones: those whose process has ended
         self._coming: set[int] = set()  # of those: those that were started again
         self._heard, self._began = dict.fromkeys(range(1, size), now), now  # by rank: when it gave a sign of life
@@ -43,9 +48,11 @@ class Register:
             self._coming.discard(hello.rank)
             how, self._heard[hello.rank] = self.lost.pop(hello.rank), now
             self.restarts.setdefault(hello.rank, []).append(how)
-            self.news.append(f"rank {hello.rank} {how} and was started again")
+            self.news.append(note_of(hello.rank, "warning", f"{how} and was started again"))
         if before is None and hello.rank in self._absent:
             self._absent[hello.rank] = now  # its part was not marked before it was known
+        if before is None:
+            self.news.append(note_of(hello.rank, "info", f"takes part, on {hello.host}"))
         if before != hello:
             self.members[hello.rank] = hello
             self._due = min(self._due, now + GATHER_S)
@@ -58,6 +65,7 @@ class Register:
     def bury(self, death: Died, now: float) -> None:
         """A rank's process has ended; one that is started again is missed until it says Hello."""
         if death.rank not in self._died:
+            self.news.append(note_of(death.rank, "info", f"died ({death.how})"))
             self.lost[death.rank] = f"died ({death.how}) after {now - self._began:.1f} s"
         if not death.again:
             self.news.append(f"rank {death.rank} {self.lost[death.rank]}; it is not started again now")
@@ -75,9 +83,12 @@ class Register:
                 late.add(rank)
             if silence > transport.lost_after_s:
                 self.silences[rank] = max(self.silences.get(rank, 0.0), silence)
-                self.lost.setdefault(rank, f"silent for {silence:.1f} s")
+                if rank not in self.lost:
+                    self.lost[rank] = f"silent for {silence:.1f} s"
+                    self.news.append(note_of(rank, "info", self.lost[rank]))
             elif self.lost.get(rank, "").startswith("silent"):
                 del self.lost[rank]  # it was only late
+                self.news.append(note_of(rank, "info", "is heard again"))
         self._see_absent(late | self.lost.keys(), now)
 
     def _see_absent(self, absent: set[int], now: float) -> None:
@@ -99,6 +110,18 @@ class Register:
         """For how long none of these was heard of, seconds; infinite where all have died for good."""
         there = set(ranks) - (self._died - self._coming)
         return min((now - self._heard[rank] for rank in there), default=math.inf)
+
+    def tell(self, said: str) -> Iterator[Send]:
+        """Hand on what is to be told, and what is `said` of the run: to the head's process, and to its page."""
+        news, self.news = self.news, []
+        for note in [*news, note_of(HEAD, "warning", said)] if said else news:
+            self._notes.append(note)
+            if note.level != "info":
+                yield Send(HEAD, note)
+
+    def take_notes(self) -> list[Note]:
+        """What was told since this was asked last. Another thread may ask."""
+        return [self._notes.popleft() for _ in range(len(self._notes))]
 
     def excused(self, rank: int) -> bool:
         """Whether nothing is to be expected of a rank."""

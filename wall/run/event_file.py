@@ -16,7 +16,6 @@ little-endian, as one zlib stream that is flushed every FLUSH_S: after a crash i
 from __future__ import annotations
 
 import struct
-import sys
 import time
 import zlib
 from collections.abc import Iterator
@@ -62,6 +61,7 @@ class EventFile:
         """Raises RunError where it cannot be written."""
         self._path, self._packer, self._flushed = path, zlib.compressobj(LEVEL), time.monotonic()
         self._entries, self._full = bytearray(), False
+        self.note = ""  # for its users, once
         try:
             self._file = path.open("wb", buffering=0)
         except OSError as error:
@@ -110,7 +110,7 @@ class EventFile:
                 data = data[self._file.write(data) or 0 :]
         except OSError as error:
             self._full = True
-            print(f"note: {self._path}: no more events are recorded: {error.strerror or error}", file=sys.stderr)
+            self.note = f"{self._path}: no more events are recorded: {error.strerror or error}"
 
 
 class EndOfFileError(RunError):

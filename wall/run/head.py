@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from wall.display.base import Sink, Status, WallImage
 from wall.display.files import replaced
 from wall.display.image_log import ImageLog
 from wall.display.saving import Saver
+from wall.packets.notes import Level, note_of
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import MANAGER, Died, End
 from wall.roles.manager import Manager
@@ -28,6 +30,7 @@ from wall.run.clock import HeadClock
 from wall.run.control_file import Control, announced, new_key
 from wall.run.deaths import Deaths
 from wall.run.endings import EndSignals, WriterApart
+from wall.run.journal import Journal
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, told_again, ways_of
@@ -116,6 +119,9 @@ class HeadProcess:
         address = {"manager": control.endpoint, "machine": machine_id()}
         self._bootstrap.broadcast(json.dumps(address))
         self._address = address
+        journal = Journal(options.out, self._host_of)
+        closing.callback(self._close_journal, journal, say)
+        self._log_begin(journal)
         data = open_data_hub(plan, keys)
         ways = ways_of(plan, self._bootstrap, address, clock, data)
         closing.later(ways.close)
@@ -152,10 +158,14 @@ class HeadProcess:
             log.begin(began=began, display_delay_s=plan.view.display_delay_s)
 
         def tell() -> tuple[()]:
-            if self._manager is not None and (news := self._manager.take_news()):
-                say(f"note: {news}")
+            assert self._manager is not None
+            for note in self._manager.register.take_notes():
+                journal.take(note)
+                if note.level == "warning":
+                    say(f"note: {note.said}")
             return ()
 
+        closing.callback(tell)
         sources: list[Source] = [
             window_input_of(HEAD, sinks), self._take_ends, self._deaths, self._preparer.news, tell,
         ]  # fmt: skip
@@ -190,6 +200,29 @@ class HeadProcess:
         head = keys.ranks[HEAD] if keys is not None else ""
         here = Control(endpoint=endpoint, key=key, head=head, host=socket.gethostname(), pid=os.getpid())
         return announced(self._options.out, here)
+
+    def _host_of(self, rank: int) -> str:
+        """The host of a rank; "" where it is not known."""
+        if rank == HEAD:
+            return socket.gethostname()
+        member = self._manager.register.members.get(rank) if self._manager is not None else None
+        return member.host if member is not None else ""
+
+    def _log_begin(self, journal: Journal) -> None:
+        layout = self._plan.layout
+        text = f"wall {version('wall')} begins: {layout.loaded.path}, {layout.size} ranks, process {os.getpid()}"
+        journal.take(note_of(HEAD, "info", text))
+
+    def _close_journal(self, journal: Journal, say: Say) -> None:
+        """Write the last line of a run's log: how it ended."""
+        ended = (self._manager.ended if self._manager is not None else "") or self._told or "interrupted"
+        lost = [f"rank {rank} {how}" for rank, how in sorted(self._manager.lost.items())] if self._manager else []
+        failed = "; ".join([*lost, *self.failures])
+        level: Level = "error" if failed else "info"
+        journal.take(note_of(HEAD, level, f"ended: {ended}" + (f"; {failed}" if failed else "")))
+        journal.close()
+        if journal.failure or journal.dropped:
+            say(f"note: the log is not complete: {journal.failure or f'{journal.dropped} notes found no room'}")
 
     def _take_ends(self) -> list[End | Died]:
         return [self._ends.popleft() for _ in range(len(self._ends))]

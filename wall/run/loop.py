@@ -8,12 +8,13 @@ while not finished:
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import chain
 
 from wall.core.clock import Clock
-from wall.core.errors import RunError
+from wall.core.errors import RunError, WallError
 from wall.display.base import Sink, Status, TakesSamples, TellsStatus, WallImage
 from wall.packets.control import Adopt, Heartbeat, Membership, Message, Prepare
 from wall.roles.instructions import (
@@ -38,7 +39,7 @@ from wall.roles.instructions import (
 )
 from wall.run.ports import Ports
 from wall.run.succession import Preparer, Succession
-from wall.run.tracers import Tracers
+from wall.run.tracers import BatchError, Tracers
 from wall.run.usage import Usage, usage
 
 Source = Callable[[], Iterable[Input]]  # of messages that come by other ways than the network
@@ -77,6 +78,14 @@ class Loop:
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
         """Turn until the role finishes, or `alive` does not hold. Raises RunError where the role ends by a failure."""
+        try:
+            self._run(alive)
+        except Exception as error:
+            text = str(error) if isinstance(error, WallError) else traceback.format_exc()
+            self._ports.note("error", text, error.replay if isinstance(error, BatchError) else None)
+            raise
+
+    def _run(self, alive: Callable[[], bool]) -> None:
         self._ports.synchronise()
         while not self.finished and alive():
             self.turn()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from dataclasses import replace
 
 from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
 from wall.packets.control import EditAnswer, EditRequest, Membership, Message, Ping, Pong, parse_control, serialise
+from wall.packets.notes import Level, note_of
 from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.roles.plan import HEAD
@@ -111,10 +111,13 @@ class Ports:
         if link is None or link.shares(size):
             return link is not None
         if link.note:
-            note = f"note: rank {self._rank}: images for rank {to} are compressed and sent: {link.note}"
-            print(note, file=sys.stderr, flush=True)
+            self.note("warning", f"images for rank {to} are compressed and sent: {link.note}")
             link.note = ""
         return False
+
+    def note(self, level: Level, text: str, replay: dict[str, int] | None = None) -> None:
+        """Tell people something, by the manager: see Note."""
+        self.send(MANAGER, note_of(self._rank, level, text, replay))
 
     def wait(self, seconds: float) -> None:
         """Sleep until something comes or the time is over. Without a hub: at one link alone, which has no credit."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import socket
-import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -148,7 +147,7 @@ def _compose(
             closing.callback(apart.wait)
             EndSignals(lambda reason: apart.begin()).install()
         for note in notes_of(sinks):
-            print(f"rank {rank}: note: {note}", file=sys.stderr, flush=True)
+            ports.note("warning", note)
         compositor_loop(plan, rank, hub, ports, clock, sinks, preparer, [window_input_of(rank, sinks)]).run()
 
 

@@ -85,6 +85,7 @@ class RecordedPorts(Ports):
             self._events.message(serialise(message))
             yield message
         self._events.no_more()
+        self._pass_on()
 
     def offer(self, to: int, packet: bytes) -> list[bytes]:
         """Send a packet for credit. Returns those that gave way."""
@@ -103,3 +104,14 @@ class RecordedPorts(Ports):
         yes = super().shares(to, size)
         self._events.answer(yes)
         return yes
+
+    def close(self) -> None:
+        """Write the rest of what is recorded; close all ways."""
+        self._events.close()
+        self._pass_on()
+        super().close()
+
+    def _pass_on(self) -> None:
+        note, self._events.note = self._events.note, ""
+        if note:
+            self.note("warning", note)

@@ -22,6 +22,15 @@ from wall.tracing.tracer_scene import TracerScene
 OnTraced = Callable[[int, Trace, bytes | Batch | None], None]  # number of the batch in the rank, and its result
 
 
+class BatchError(RunError):
+    """A batch could not be traced."""
+
+    def __init__(self, text: str, number: int, event: Event) -> None:
+        """`number`: of the batch in its rank."""
+        super().__init__(text)
+        self.replay = {"batch": number, "camera_event": event.camera_event, "scene_event": event.scene_event}
+
+
 class Tracers:
     """Executes Trace and Restart for one rank."""
 
@@ -84,7 +93,7 @@ class Tracers:
         except WallError:
             raise
         except Exception as error:
-            raise RunError(self._failure(number, trace.event, error)) from error
+            raise BatchError(self._failure(number, trace.event, error), number, trace.event) from error
         if self._traced is not None:
             self._traced(number, trace, traced)
         cpu = thread_time() - cpu_began

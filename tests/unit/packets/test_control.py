@@ -34,6 +34,7 @@ from wall.packets.control import (
     serialise,
 )
 from wall.packets.framelets import HEAD, FrameletPart
+from wall.packets.notes import Note, note_of
 
 FINITE = st.floats(-1e15, 1e15)
 RATE = st.floats(0.0, 1e15)
@@ -71,6 +72,7 @@ EXAMPLES: list[Message] = [
     Membership(),
     Assignment(number=0),
     Assignment(number=3, cuts=[0, 40, 128]),
+    Note(rank=3, level="warning", text="no GPU\n\u00e4", replay={"batch": 117}),
     Membership(members=(Hello(rank=1, host="n", endpoint="tcp://a:1", incarnation=5),) * 2),
     Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3}, last=True, answers=[0.25, 1.5]),
     Ping(sent=1.5),
@@ -138,6 +140,7 @@ def test_a_message_cut_anywhere_or_with_any_bit_flipped_is_refused(message: Mess
         replace(EVENT, camera=replace(EVENT.camera, position=(0.0, float("inf"), 0.0))),
         Ping(sent=float("inf")), Ping(sent=True), Stop(reason="\ud800"), Stop(reason="r" * 20000),
         Hello(rank=-2, host="", endpoint="", incarnation=1), Hello(rank=2**63, host="", endpoint="", incarnation=1),
+        Note(rank=1, level="loud", text=""), Note(rank=1, level="info", text="", replay={"batch": 0.5}),
         Membership(members=(Hello(rank=1, host="\ud800", endpoint="", incarnation=1),)), Membership(members=(1,)),
         Heartbeat(rank=0, time=0.0, dropped={"a": -5}), Heartbeat(rank=0, time=0.0, samples_traced=1.5),  # type: ignore[arg-type]
         Heartbeat(rank=0, time=0.0, dropped={str(k): 1 for k in range(65)}),
@@ -261,3 +264,10 @@ def test_a_heartbeat_of_what_cannot_be_is_refused(change: dict[str, float]) -> N
     values = json.loads(serialise(Heartbeat(rank=1, time=2.0))[control.HEADER_BYTES :]) | change
     with pytest.raises(RemoteProtocolError, match="Heartbeat"):
         control._parse_body(control.KIND_HEARTBEAT, json.dumps(values).encode(), b"")
+
+
+def test_a_note_of_any_text_can_be_sent_and_keeps_its_end() -> None:
+    for text in ("\ud800" * 9, "\U0001f600" * 100_000, "short", "\x00\n" * 5000 + "the end"):
+        told = parse_control(serialise(note_of(1, "error", text)))
+        assert isinstance(told, Note)
+        assert told.text[-7:] == text.encode(errors="replace").decode()[-7:]

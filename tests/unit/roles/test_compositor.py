@@ -16,6 +16,7 @@ from wall.display.base import LATENCY_LIMITS_S
 from wall.operators.overlay import PLACEHOLDERS, Overlay
 from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput, parse_control
 from wall.packets.framelets import FrameletPart
+from wall.packets.notes import note_of
 from wall.packets.samples import encode
 from wall.roles.compositor import LAST_S, Compositor
 from wall.roles.instructions import MANAGER, Finish, Input, Instruction, Offer, Packet, Presented, Send, Show, Tell
@@ -113,7 +114,9 @@ def test_the_status_has_what_each_rank_has_done_and_the_host_of_one_that_is_gone
     beat = Heartbeat(rank=1, time=head.now - 0.4, samples_traced=7, credit=9, cpu_seconds=2.5, seconds=1.0)
     batch = replace(flat(0.5, replace(event, camera_event=1), adaptive=True), base_time=head.now, relightable=True)
     head.tell(Packet(encode(batch)), after=0.04)
-    (show,) = of(Show, head.tell(beat, Membership(members=tuple(hellos[:1])), after=1.0))
+    notes = [note_of(1, "warning", f"note {k}") for k in range(5)]
+    (show,) = of(Show, head.tell(*notes, beat, Membership(members=tuple(hellos[:1])), after=1.0))
+    assert show.status.notes == tuple(f"rank 1: note {k}" for k in range(1, 5)), "the newest"
     _, renderer = show.status.totals
     assert (renderer.host, renderer.samples, renderer.credit, renderer.cpu_s) == ("host1", 7, 9, 2.5)
     assert renderer.silent_s == pytest.approx(1.44)

@@ -99,7 +99,8 @@ def test_a_rank_that_takes_the_place_of_a_dead_one_is_in_the_run_again(elsewhere
     assert run.manager.lost == {}
     assert 2 not in run.manager.heartbeats, "those of the dead one"
     assert register.restarts == {2: ["died (signal 9) after 1.0 s"]}
-    assert run.manager.take_news() == "rank 2 died (signal 9) after 1.0 s and was started again"
+    told = [(note.rank, note.level, note.text) for note in run.manager.register.take_notes()]
+    assert told[-1] == (2, "warning", "died (signal 9) after 1.0 s and was started again")
     run.tell(Died(2, "signal 9"))
     assert run.manager.ended == NO_RENDERER, "it is not started again for ever"
 

@@ -160,8 +160,10 @@ def test_a_second_one_a_wrong_key_and_a_run_that_keeps_its_configuration_are_ref
     led.manager = Manager(plan, 0.0, still=True, key=KEY, fixed="its events are recorded")
     assert refusals(led.ask()) == ["this run keeps its configuration: its events are recorded"]
     led.tell(Changed(TEXT, "new.yaml"))
-    assert led.manager.take_news() == "this run keeps its configuration: its events are recorded"
-    assert led.manager.take_news() == ""
+    led.tick()
+    said = "this run keeps its configuration: its events are recorded"
+    assert [note.text for note in led.manager.register.take_notes()] == [said]
+    assert led.manager.register.take_notes() == []
 
 
 def test_who_dies_meanwhile_is_not_waited_for(plan: Plan) -> None:

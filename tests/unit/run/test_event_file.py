@@ -102,7 +102,7 @@ def test_a_missing_file_is_named(path):
         EventFile(path.parent / "nowhere" / "x")
 
 
-def test_a_full_disk_ends_the_recording_and_says_so_once(path, capsys):
+def test_a_full_disk_ends_the_recording_and_says_so(path):
     events = written(path)
 
     class Full:
@@ -118,7 +118,7 @@ def test_a_full_disk_ends_the_recording_and_says_so_once(path, capsys):
     events._file = Full()
     events._write(2)
     events.close()
-    assert capsys.readouterr().err == f"note: {path}: no more events are recorded: No space left on device\n"
+    assert events.note == f"{path}: no more events are recorded: No space left on device"
 
 
 @pytest.mark.parametrize(

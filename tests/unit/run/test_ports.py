@@ -24,6 +24,7 @@ from wall.packets.control import (
     parse_control,
     serialise,
 )
+from wall.packets.notes import Note
 from wall.packets.samples import encode
 from wall.roles.instructions import MANAGER, Packet
 from wall.run.clock import HeadClock
@@ -64,7 +65,7 @@ def test_a_stray_control_message_at_a_data_hub_is_counted_and_its_owner_sleeps_a
     close(stray, ports, control)
 
 
-def test_why_memory_is_not_shared_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_why_memory_is_not_shared_is_said_once() -> None:
     control, data = (open_hub("loopback", "127.0.0.1", credit_bytes=1 << 20) for _ in range(2))
     ports = Ports(3, HeadClock(), hub=None, manager=connect(control.endpoint, rank=3))
     assert not ports.shares(0, 100), "there is no link yet"
@@ -75,8 +76,9 @@ def test_why_memory_is_not_shared_is_said_once(capsys: pytest.CaptureFixture[str
     link.note = "no shared memory of 9 bytes: full"
     assert not ports.shares(0, 100)
     assert not ports.shares(0, 100)
-    wanted = "note: rank 3: images for rank 0 are compressed and sent: no shared memory of 9 bytes: full\n"
-    assert capsys.readouterr().err == wanted
+    told = [parse_control(data) for _, data in control.messages()]
+    text = "images for rank 0 are compressed and sent: no shared memory of 9 bytes: full"
+    assert told == [Note(rank=3, level="warning", text=text)]
     close(ports, control, data)
 
 

@@ -103,6 +103,8 @@ export class Readout {
     write($("fact-right"), status.right_ms > 0 ? millis(status.right_ms) : NONE);
     $("slow").hidden = !status.slow;
     write($("slow"), status.slow);
+    $("notes").hidden = !status.notes.length;
+    write($("notes"), status.notes.join("\n"));
     write($("fact-samples"), `${short(status.ranks.reduce((sum, r) => sum + (r.samples_per_s || 0), 0))}/s`);
     $("fact-stages").hidden = !status.samples_per_pixel;
     write($("fact-stage"), `${status.samples_per_pixel} a pixel${status.error ? `, ± ${digits(status.error)}` : ""}`);
