@@ -33,6 +33,7 @@ def test_help_imports_no_command_and_none_of_its_libraries() -> None:
         "wall.cli",
         "wall.cli_faults",
         "wall.cli_measure",
+        "wall.cli_operations",
         "wall.cli_plan",
         "wall.cli_render",
         "wall.core",
