@@ -13,7 +13,7 @@ import typer
 
 from wall.cli_faults import faults, soak
 from wall.cli_measure import measure
-from wall.cli_operations import top
+from wall.cli_operations import doctor, top
 from wall.cli_plan import plan
 from wall.cli_render import UpOption, ViewOption, render, replay
 from wall.commands.terminal import console, errors, fail, load_config, parse_size, readably, say_version, write_text
@@ -35,6 +35,7 @@ app.command()(plan)
 app.command()(render)
 app.command()(replay)
 app.command()(top)
+app.command()(doctor)
 
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wall.commands.terminal import console
+from wall.commands.terminal import FAILED, console, load_config
 
 
 def top(
@@ -27,3 +28,31 @@ def top(
         show(Wall(address), console, every_s=every, once=once)
     except KeyboardInterrupt:
         raise typer.Exit from None
+
+
+def doctor(
+    config: Annotated[
+        Path | None, typer.Argument(help="Configuration whose needs are checked, too", show_default=False)
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of results of the run that is to come")] = Path("OUT"),
+) -> None:
+    """Check this machine, or under mpirun all hosts: what is there, what is missing, and how to mend it.
+
+    [bold]wall doctor configs/demo.yaml[/]
+
+    Ends with exit code 1 if something is missing that the configuration needs.
+    """
+    from wall.commands.doctor.doctor import examine
+
+    loaded = load_config(config) if config is not None else None
+    missing = 0
+    for host, found in examine(loaded, out):
+        console.print(host, style="bold")
+        for each in found:
+            style = {"ok": "green", "warning": "yellow", "missing": "red"}[each.state]
+            console.print(f"  {each.state:8}{each.name}: {each.found}", style=style, soft_wrap=True)
+            if each.state != "ok" and each.mend:
+                console.print(f"          mend: {each.mend}", soft_wrap=True)
+        missing += sum(each.state == "missing" for each in found)
+    if missing:
+        raise typer.Exit(FAILED)

@@ -1,0 +1,1 @@
+"""`wall doctor`: what a machine lacks, and how to mend it."""
