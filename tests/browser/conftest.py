@@ -168,6 +168,7 @@ class Source(threading.Thread):
             right_ms=420.0,
             stale=self.stale if self.lost_rank else (),
             slow="Rank 2 (r0c1) makes 3 of 30 images a second." if self.lost_rank else "",
+            notes=("rank 2: no GPU", "rank 1: <b>died</b>") if self.lost_rank else (),
             view_samplers=(self.sampler, *(METHODS[0] for _ in self.views[1:])),
         )
 

@@ -179,6 +179,7 @@ def test_table_and_latency_say_what_the_status_says(page, source):
     assert [page.inner_text(f"#{p}") for p in ("p50", "p95", "p99")] == ["21 ms", "34 ms", "55 ms"]
     assert page.inner_text("#fact-right") == "420 ms"
     assert page.inner_text("#slow") == "Rank 2 (r0c1) makes 3 of 30 images a second."
+    assert page.inner_text("#notes") == "rank 2: no GPU\nrank 1: <b>died</b>"
     assert page.inner_text(".stale") == "no new samples"
     mark, panel = (page.locator(each).bounding_box() for each in (".stale", ".panel:has([data-panel=r0c1])"))
     assert mark["x"] == pytest.approx(panel["x"], abs=1.5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -89,8 +90,10 @@ def test_ctrl_c_ends_a_run_in_order(tmp_path: Path, running: Callable[..., subpr
     assert summary(tmp_path / "out")["ended"] == "interrupted"
     assert set(os.listdir("/dev/shm")) <= before
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
-        "panel-r0c0.png", "panel-r0c1.png", "summary.json", "wall.png",
+        "log", "panel-r0c0.png", "panel-r0c1.png", "summary.json", "wall.png",
     ]  # fmt: skip
+    last = json.loads((tmp_path / "out/log/rank-0.jsonl").read_text(encoding="utf-8").splitlines()[-1])
+    assert (last["level"], last["message"]) == ("info", "ended: interrupted")
 
 
 def test_run_of_some_seconds_ends_by_itself(tmp_path: Path) -> None:
@@ -148,7 +151,7 @@ def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
 
     found = summary(tmp_path / "out")
     assert run.returncode == 1, output
-    assert "rank 1 died (signal 9)" in said
+    assert "rank 1: died (signal 9)" in said
     assert found["ended"] == "no renderer is left"
     assert len(found["restarts"]["1"]) == 1
     assert found["lost"].keys() == {"1"}
