@@ -141,7 +141,7 @@ class Browser:
         """Tell all viewers how the run is doing, before the next image."""
         if self._newest is not None:
             self._newest = (self._newest[0], status)
-            self._call(self._wake_viewers)
+            self._server.call(self._wake_viewers)
 
     def lay_out(self, wall: Wall, views: Sequence[str], why_images: Sequence[str]) -> None:
         """Tell all viewers where panels, insets and views are from now on; the panels are those of before."""
