@@ -127,6 +127,25 @@ def test_stored_samples_take_a_light_s_edit_at_the_next_refresh_and_converge_to_
         assert error(picture(running, 600)) < 0.2 * error(before)
 
 
+@pytest.mark.parametrize(("method", "at_renderers"), [("adaptive", True), ("adaptive", False), ("frameless", True)])
+def test_an_edit_is_shown_at_once_whatever_moment_of_a_refresh_it_comes_in(
+    tmp_path: Path, courtyard: tuple[Plan, TracerScene], method: str, at_renderers: bool
+) -> None:
+    """On a clock on which only batches take time, a ms each: what refreshes wait for counts alone."""
+    plan = planned(tmp_path, method=method)
+    running = SingleProcess(plan, courtyard[1], at_renderers=at_renderers)
+    for number, apart in enumerate((260, 273), start=1):  # at other moments of a period, 33 ms
+        for _ in range(apart):
+            running.step()
+        before = running.composition.shown()[0].images()[0].rgb.mean()
+        edits = Edits(number, (("lights.2.irradiance", (0.0, 0.0, 4.0 * (number % 2))),))
+        running.event = replace(running.event, scene_event=number, edits=edits)
+        for _ in range(6):
+            running.step()
+        after = running.composition.shown()[0].images()[0].rgb.mean()
+        assert abs(after - before) > 0.3  # codes; without an edit at most 0.1
+
+
 @pytest.mark.parametrize(
     "edit", ["integrator.depth=1", "roughness=0.9", "metallic=1", "emission=5", "color=0.2", "ior=3"]
 )

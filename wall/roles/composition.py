@@ -219,6 +219,13 @@ class Composition:
             self._compared.step(self._regions_of(seconds), event)
         return self._nodes.step(fresh, event)
 
+    def take_edited(self, view: int) -> bool:
+        """Whether an edit came since this was asked last that the next refresh of a view shows."""
+        edited = [layer for layer in self._of_view(view) if layer.edited]
+        for layer in edited:
+            layer.edited = False
+        return bool(edited)
+
     def behind(self, view: int) -> bool:
         """Whether a slower layer of a view waits for its turn to show what came, or the newest event."""
         return any(layer.behind for layer in self._of_view(view))

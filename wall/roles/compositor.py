@@ -182,6 +182,8 @@ class Compositor:
             return
         self._news = self._news or (came and self._shows_only)
         for view in self._views:
+            if self.composition.take_edited(view.index):
+                view.hasten()
             if view.event is not None and now >= view.due:
                 yield from self._refresh(view, view.event, view.begin_refresh(now), now)
             elif view.event is not None and self._news and now >= self._shown_at + BETWEEN_ARRIVALS_S:

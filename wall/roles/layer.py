@@ -46,6 +46,9 @@ class PanelCompositor:
         self.handed: HandedSamples | None = None  # while a sink wants samples
         self.right = RightTimes()
         self.behind = False  # of a slower layer: it may show more when it is its turn
+        self.edited = False  # an edit came that the next refresh shows; whoever looks sets it back
+        self._edits: int | None = None  # number of the newest edits
+        self._awaits: int | None = None  # number of edits that no stored sample can show
         self._answered: tuple[tuple[int, int], float] | None = None  # by the last reconstruction: event, exposure
         self._nothing = self.newest.buffer.take_dirty()  # no tile has changed
         self._routing = SampleRouting(
@@ -53,7 +56,7 @@ class PanelCompositor:
         )
 
     @property
-    def _reprojects(self) -> bool:
+    def reprojects(self) -> bool:
         """Whether the framelet shows reprojected samples."""
         return self._routing.reprojected and self.reprojected.shows
 
@@ -61,12 +64,13 @@ class PanelCompositor:
         """Show what another layer of the same pixels shows, until samples come."""
         old = before.newest.buffer.records
         radiance, times = old["shown"], old["time"]
-        if before._reprojects and before.reprojected.reconstruction is not None:
+        if before.reprojects and before.reprojected.reconstruction is not None:
             radiance, times = before.reprojected.reconstruction.radiance, before.reprojected.arrivals.times
         self.newest.buffer.show_image(radiance, times)
 
     def follow(self, event: Event) -> None:
         """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""
+        self._note_edits(event.edits.number)
         was_reprojected, compare = self._routing.reprojected, self._routing.compare
         self._routing.follow(event)
         self.right.follow(event)
@@ -76,6 +80,13 @@ class PanelCompositor:
             self._switch()
         for batch in self._routing.take_early():
             self.insert(batch)
+
+    def _note_edits(self, number: int) -> None:
+        """Stored samples that are reprojected are lit anew, and moved; others show an edit once new ones come."""
+        if self._edits is not None and number != self._edits and self.layer.refresh_hz is None:
+            self.edited = self.edited or self.reprojects
+            self._awaits = None if self.reprojects else number
+        self._edits = number
 
     def _compare(self) -> None:
         """Begin or end a comparison; the samples of one that ends stay counted."""
@@ -102,6 +113,8 @@ class PanelCompositor:
     def insert(self, batch: Batch) -> None:
         """Give a batch to the image it belongs to; keep, or drop and count it where there is none."""
         self.behind = self.layer.refresh_hz is not None
+        if batch.edits.number == self._awaits:
+            self.edited, self._awaits = True, None
         destination = self._routing.destination(batch)
         if destination is Destination.REPROJECTED and not self.reprojected.given_up:
             self.reprojected.insert(batch)
@@ -125,7 +138,7 @@ class PanelCompositor:
         return output.show(dirty, event, now)
 
     def _reconstruct(self, event: Event, now: float) -> NDArray[np.bool_]:
-        if self._reprojects:
+        if self.reprojects:
             self.newest.buffer.take_dirty()
             dirty = self.reprojected.refresh(event, now)
             self.right.see_reprojected(event, self.reprojected.weights, self.reprojected.arrivals.times, now)
@@ -143,7 +156,7 @@ class PanelCompositor:
     def _moment_of_newest(self, event: Event) -> Event:
         """The event that the source shows: `event`, or where samples stay where they were traced that of the newest."""
         buffer = self.newest.buffer
-        if self._reprojects or buffer.samples_shown == 0:
+        if self.reprojects or buffer.samples_shown == 0:
             return event
         (camera, scene_time, edits), (camera_event, scene_event) = buffer.newest_moment, buffer.newest_event
         return replace(
@@ -176,5 +189,5 @@ class PanelCompositor:
 
     def oldest_sample(self, now: float) -> float | None:
         """Age in seconds of the oldest sample shown; None while a pixel never had one."""
-        age = (self.reprojected.arrivals if self._reprojects else self.newest.buffer).oldest_sample(now)
+        age = (self.reprojected.arrivals if self.reprojects else self.newest.buffer).oldest_sample(now)
         return age if math.isfinite(age) else None

@@ -41,11 +41,17 @@ class OwnImage:
         if self.view.take(event):
             self._composition.follow(event)
             self.rests = self.rests and event == before
+            self._hasten()
 
     def insert(self, batch: Batch) -> None:
         """Show a batch from the next refresh on."""
         self._composition.insert_batch(batch)
         self.rests = False
+        self._hasten()
+
+    def _hasten(self) -> None:
+        if self._composition.take_edited(self.view.index):
+            self.view.hasten()
 
     def keep(self, tiles: StatisticsImage) -> None:
         """Keep the sampler's tiles for who looks at them."""
@@ -63,6 +69,7 @@ class OwnImage:
         took = self._clock.now() - began
         self.refreshing_s += took
         view.made(took)
+        view.soonest = max(view.soonest, now + took / (SHARE_OF_TIME * share))
         view.due = max(view.due, now + took / (SHARE_OF_TIME * share))
         return True
 

@@ -1,4 +1,8 @@
-"""A view as a rank follows it: its newest event, what is expected of it, and when it is refreshed."""
+"""A view as a rank follows it: its newest event, what is expected of it, and when it is refreshed.
+
+Refreshes are a period apart. What follows an edit need not wait for its turn: the next refresh is brought forward, the
+others then follow it. Only one every EARLY_APART_S is, so that a slider that is dragged makes no more images.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from wall.roles.plan import Plan, make_predictor
 
 NEWEST_SHARE = 0.2  # of the newest time in a moving mean
 LONGEST_INTERVAL_S = 0.25  # longer ones are pauses
+EARLY_APART_S = 0.25  # between refreshes that are brought forward
 ON_ITS_WAY_S = 0.005  # an image that was made elsewhere, until the head shows it: 4 to 8 ms were measured
 
 
@@ -22,7 +27,10 @@ class FollowedView:
         self.ahead = False  # the last refresh did not show the newest event, but what is expected after it
         self.quiet = False  # the last refresh was of the newest event, and changed nothing
         self.refreshes = 0
+        self.soonest = -math.inf  # before, it is not refreshed, whatever was edited
         self._began = -math.inf  # the last refresh
+        self._hastened = False  # the next refresh was brought forward
+        self._hastens = plan.layout.graph.sync == "none" and not plan.layout.config.barrier
         self._interval = self.period  # between refreshes, a moving mean: more than the period where they take longer
         self._making = 0.0  # from a refresh here to the one of the head that shows it, a moving mean
         self._predictor = make_predictor(plan, index)
@@ -37,6 +45,11 @@ class FollowedView:
         self._predictor.take(event)
         return True
 
+    def hasten(self) -> None:
+        """An edit can be shown now: refresh as soon as may be. In lock step all wait for each other, so not there."""
+        if self._hastens and self.soonest < self.due:
+            self.due, self._hastened = self.soonest, True
+
     def begin_refresh(self, now: float) -> Event:
         """Begin a refresh at `now`, and plan the next. Returns the event that is expected when it is seen.
 
@@ -45,7 +58,9 @@ class FollowedView:
         self.refreshes += 1
         if now - self._began < LONGEST_INTERVAL_S:
             self._interval += NEWEST_SHARE * (now - self._began - self._interval)
-        self._began, self.due = now, max(self.due + self.period, now)
+        self.due = max((now if self._hastened else self.due) + self.period, now)
+        self.soonest = now + EARLY_APART_S if self._hastened else max(self.soonest, now)
+        self._began, self._hastened = now, False
         return self._predictor.at(now, self._making + 0.5 * max(self._interval, self.period))
 
     def made(self, seconds: float) -> None:

@@ -1,10 +1,11 @@
 """Progressive sampling: while the input rests, stages of ever more samples a pixel, shown tile by tile.
 
 An input is answered by one coarse pass over the region that takes 1 / target_hz at most: several samples a pixel, one,
-or one for a block of pixels, whatever the time allows. Then stages follow, each of twice as many samples as the one
-before, from paths one surface longer until all are reached. A stage begins anew where its paths are longer, so that no
-mean is of two kinds, and else adds to the one before; its tiles are shown as they are complete, so that no pixel gets
-noisier. Between stages it rests; a new input breaks it off after one batch.
+or one for a block of pixels, whatever the time allows. A few samples of each tile tell which of them the input has
+changed most surely: the pass begins with these, so that a change is soon seen wherever it is. Then stages follow, each
+of twice as many samples as the one before, from paths one surface longer until all are reached. A stage begins anew
+where its paths are longer, so that no mean is of two kinds, and else adds to the one before; its tiles are shown as
+they are complete, so that no pixel gets noisier. Between stages it rests; a new input breaks it off after one batch.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.core.colour import srgb_encoded
 from wall.core.data import SAMPLE, Event, Float32, Rect, Samples
@@ -23,6 +25,8 @@ from wall.sampling.pixel_means import PixelMeans, footprint_of
 GRID = 8  # tiles along each edge of the region
 LARGEST_TILE = 256  # pixels along an edge: its records fit in one packet
 COARSEST = 8  # edge of the largest block of pixels that one sample stands for, pixels
+MOST_PROBES = 1 / 16  # of the samples of a coarse pass
+ROUNDING = 1.0  # display codes: what noise there is at least
 NEWEST_SHARE = 0.25  # of the newest batch in the moving mean of a sample's time
 
 
@@ -45,6 +49,7 @@ class Tile:
         self.rect, self._seed = rect, seed
         self.samples, self.square_error = 0, 0.0  # a pixel as shown; an estimate, of display codes squared
         self._shown: Float32 | None = None  # display codes
+        self._seen: Float32 | None = None  # display codes of the newest records; in the corners of blocks, where coarse
         self._adds = False  # to what is shown
         self.begin()
 
@@ -66,11 +71,34 @@ class Tile:
         The variance of one sample is the same in both: that of their difference is its multiple by 1 / n + 1 / m, or
         1 / n - 1 / m where the m samples are among the n.
         """
-        codes = (255.0 * srgb_encoded(self.means.mean())).astype(np.float32)
+        codes = _codes(self.means.mean())
         if self._shown is not None and samples > self.samples:
             apart = 1.0 / self.samples + (-1.0 if self._adds else 1.0) / samples
             self.square_error = float(np.square(codes - self._shown).mean()) / (samples * apart)
         self._shown, self.samples, self._adds = codes, samples, True
+
+    @property
+    def shows(self) -> bool:
+        """Whether it has given records."""
+        return self._seen is not None
+
+    def probes(self, count: int) -> Float32:
+        """(n, 2) middles of at most so many pixels, spread over the tile, that any coarse pass has sampled."""
+        x, y = np.arange(0, self.rect.width, COARSEST), np.arange(0, self.rect.height, COARSEST)
+        grid = np.stack(np.meshgrid(x + self.rect.x, y + self.rect.y), axis=-1).reshape(-1, 2)
+        return (grid[:: -(-len(grid) // count)] + np.float32(0.5)).astype(np.float32)
+
+    def change(self, samples: Samples) -> float:
+        """How far the mean of samples is from what is shown there, in its standard errors.
+
+        Samples of other tiles are left out.
+        """
+        x, y = (np.floor(samples["xy"]).astype(np.intp) - (self.rect.x, self.rect.y)).T
+        own = (x >= 0) & (x < self.rect.width) & (y >= 0) & (y < self.rect.height)
+        if self._seen is None or not own.any():
+            return 0.0
+        apart = (_codes(samples["radiance"][own]) - self._seen[y[own], x[own]]).sum(axis=-1)
+        return float(abs(apart.mean()) * np.sqrt(len(apart) / (apart.var() + ROUNDING**2)))
 
     def forget_shown(self) -> None:
         """What is shown is of another input."""
@@ -81,6 +109,7 @@ class Tile:
         means, found = self.means.mean().astype(np.float32), self.means.counts > 0
         records = self._newest.copy()
         records["radiance"] = means
+        self._seen = _codes(means)
         if step > 1:
             rows, columns = (np.arange(size) // step * step for size in found.shape)
             records, found = records[rows][:, columns], found[rows][:, columns]
@@ -118,6 +147,7 @@ class ProgressiveSampler:
         self._tile, self._sweep, self._at = len(self._tiles), 0, 0
         self._xy: Float32 = np.empty((0, 2), np.float32)
         self._count, self._chosen_at = 0, 0.0  # samples chosen last, and when
+        self._probes: Float32 = np.empty((0, 2), np.float32)  # traced before the coarse pass
         self._done: list[Samples] = []  # records that are to be shown
         self._rests_until: float | None = None
 
@@ -151,6 +181,9 @@ class ProgressiveSampler:
         self._count = 0
         if self._tile >= len(self._tiles) and not self._next_stage():
             return Targets(xy=np.empty((0, 2), np.float32), event=self._event) if self._done else None
+        if len(self._probes):
+            self._count = len(self._probes)
+            return Targets(xy=self._probes, event=self._event, footprint=self._step, number=0, depth=self.depth)
         tile = self._tiles[self._tile]
         if self._at == 0:
             xy = tile.means.positions(self._sweep)
@@ -176,6 +209,10 @@ class ProgressiveSampler:
     def observe(self, samples: Samples, base_time: float) -> None:
         """Add the samples to their tile's means; a tile whose stage is complete is shown."""
         if self._count == 0:
+            return
+        if len(self._probes):
+            self._tiles.sort(key=lambda tile: -tile.change(samples))
+            self._count, self._probes = 0, self._probes[:0]  # scattered ones do not tell what a pass takes
             return
         tile, count = self._tiles[self._tile], self._count
         tile.add(samples)
@@ -204,6 +241,7 @@ class ProgressiveSampler:
 
     def _answer(self, newest: Event) -> None:
         """Begin the coarse pass of an event, as fine as 1 / target_hz allows."""
+        again = self._event is None  # nothing has changed that probes could tell
         self._event, self._moving, self.stage, self._rests_until = newest, True, 0, None
         for tile in self._tiles:
             tile.forget_shown()
@@ -211,8 +249,15 @@ class ProgressiveSampler:
         self._step = 1
         while self._blocks(self._step) > allowed and self._step < COARSEST:
             self._step *= 2
+        most = 0 if again else min(self._batch, int(MOST_PROBES * allowed))
+        self._probe(most // max(len(self._tiles), 1))
         allowed /= self._blocks(self._step)
         self._begin(max(1, min(int(allowed), self._schedule.first_stage)), anew=True)
+
+    def _probe(self, count: int) -> None:
+        """Begin with so many samples of each tile, where all show something that may have changed."""
+        known = self._tiles if count and all(tile.shows for tile in self._tiles) else []
+        self._probes = np.concatenate([np.empty((0, 2), np.float32), *(tile.probes(count) for tile in known)])
 
     def _blocks(self, step: int) -> float:
         """Blocks of step x step pixels in all tiles."""
@@ -248,6 +293,11 @@ class ProgressiveSampler:
         """Empty the tile that comes next, where the stage does not add to the one before."""
         if self._tile < len(self._tiles) and self._anew:
             self._tiles[self._tile].begin()
+
+
+def _codes(radiance: NDArray[np.floating]) -> Float32:
+    """Display codes of radiance."""
+    return (255.0 * srgb_encoded(radiance)).astype(np.float32)
 
 
 def tiles_of(rect: Rect) -> list[Rect]:

@@ -8,7 +8,7 @@ import pytest
 
 from wall.config.loading import load
 from wall.roles.plan import Plan, first_event, make_layout, make_plan
-from wall.roles.view import ON_ITS_WAY_S, FollowedView
+from wall.roles.view import EARLY_APART_S, ON_ITS_WAY_S, FollowedView
 
 HZ, SPEED = 50.0, 2.0  # refreshes a second; world units a second
 DELAY_S, INPUT_S = 0.02, 0.01
@@ -44,3 +44,22 @@ def test_a_view_in_motion_is_foreseen_for_the_middle_of_the_time_it_is_seen(plan
     ahead = (expected.camera.position[0] - x) / SPEED - now
     until_shown = 0.0 if making is None else making + ON_ITS_WAY_S
     assert ahead == pytest.approx(until_shown + DELAY_S + 0.5 / HZ, abs=1e-3)
+
+
+def test_an_edit_brings_the_next_refresh_forward_but_a_stream_of_them_keeps_the_rate(plan: Plan) -> None:
+    view, period = FollowedView(plan, 0), 1.0 / HZ
+    view.take(first_event(plan, 0.0))
+    for now in (1.0, 1.0, 1.0 + period):
+        view.begin_refresh(now)
+    view.soonest = 1.004 + period  # that refresh took so long
+    view.hasten()
+    assert view.due == view.soonest
+    view.begin_refresh(1.005 + period)
+    assert view.due == pytest.approx(1.005 + 2 * period)
+    refreshes = []
+    for k in range(1000):  # edits, a millisecond apart
+        view.hasten()
+        if (now := 1.005 + period + 1e-3 * k) >= view.due:
+            view.begin_refresh(now)
+            refreshes.append(now)
+    assert HZ <= len(refreshes) <= HZ + 1.0 / EARLY_APART_S

@@ -205,3 +205,34 @@ def test_the_estimated_error_is_about_the_true_one(
     assert run.sampler.square_error**0.5 == pytest.approx(0.1 * slope / samples**0.5, rel=0.05)
     run.sampler.choose(camera_path(1))
     assert (run.sampler.samples_shown, run.sampler.square_error) == (0, 0.0)
+
+
+def test_a_coarse_pass_begins_with_the_tiles_that_an_edit_has_changed(camera_path: Path) -> None:
+    """Each of 32 x 32 pixels has 16 probes, of noise that is as large as the change; all else is as it was."""
+    rect, noise = Rect(x=0, y=0, width=256, height=256), np.random.default_rng(3)
+    run = Run(rect=rect, batch=1024, first_stage=1, samples_per_pixel=1)
+    changed = [tile for tile in tiles_of(rect) if (tile.x, tile.y) in ((64, 32), (160, 160), (0, 224))]
+
+    def step(event: Event, light: float) -> Targets | None:
+        targets = run.sampler.choose(event)
+        if targets is None:
+            return None
+        samples = np.zeros(len(targets.xy), SAMPLE)
+        samples["xy"], samples["radiance"] = targets.xy, 0.2 * noise.uniform(0.8, 1.2, (len(targets.xy), 1))
+        for tile in changed:
+            x, y = np.floor(targets.xy).T - ((tile.x,), (tile.y,))
+            samples["radiance"][(x >= 0) & (x < tile.width) & (y >= 0) & (y < tile.height)] *= light
+        run.sampler.observe(samples, run.now)
+        run.now += 1e-6 * len(samples)
+        run.show(run.sampler.resolve())
+        return targets
+
+    while step(camera_path(0), 1.0) is not None:
+        pass
+    run.updates.clear()
+    while len(run.updates) < 3:
+        targets = step(camera_path(1), 0.7)
+        assert targets is not None
+        assert len(targets.xy) <= 1024
+    found = {tuple(update.min(axis=0)[::-1].tolist()) for update in run.updates}
+    assert found == {(tile.x, tile.y) for tile in changed}

@@ -196,6 +196,10 @@ class CostedComposition:
         self._process.charge(self._rates.insert_s)
         self.layers[packet.layer].insert(packet)
 
+    def take_edited(self, view: int) -> bool:
+        """No edits are simulated."""
+        return False
+
     def behind(self, view: int) -> bool:
         """Every layer shows what came at the next refresh."""
         return False
