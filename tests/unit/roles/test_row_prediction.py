@@ -84,8 +84,10 @@ class Renderer:
         return batches
 
     def drain(self, event: Event) -> list[Batch]:
-        batches = []
-        while (batch := self.worker.trace(event)) is not None and len(batch.samples):
+        batches, traced = [], -1
+        while traced < (traced := self.worker.work.samples) and (batch := self.worker.trace(event)) is not None:
+            if not len(batch.samples):  # of probes, or of nothing: then no more were traced
+                continue
             batches.append(batch)
             x, y = batch.samples["xy"].astype(int).T
             self.edge[y, x] = batch.samples["object_id"] == 1
