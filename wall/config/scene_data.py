@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from wall.core.color_maps import ColorMap
-from wall.core.fields import Model, Number, Point, Positive, Share, Text, Whole, refusal
+from wall.core.fields import Flag, Model, Number, Period, Point, Positive, Seconds, Share, Text, Whole, refusal
 
 Column = Text | Annotated[Whole, Ge(0), Le(65535)]
 Three = tuple[Column, Column, Column]
@@ -37,6 +37,19 @@ class ColorColumnsConfig(Model):
         return self
 
 
+class SeriesConfig(Model):
+    """Steps in time, of which one is shown at a moment of the scene's time."""
+
+    step_s: Period | None = Field(
+        default=None,
+        description="seconds of scene time from a step to the next; absent = the times that a .pvd or .series file has",
+    )
+    start_s: Seconds = Field(default=0.0, description="scene time of the first step, which is shown before it too")
+    loop: Flag = Field(
+        default=False, description="whether the first step follows the last; else the last is shown from then on"
+    )
+
+
 class _DataConfig(Model):
     file: Text = Field(description="relative to this file")
     name: Text | None = Field(default=None, description="of the object and of its material; absent = the file's name")
@@ -46,6 +59,11 @@ class _DataConfig(Model):
     scale: Positive = Field(default=1.0, description="by which the file's coordinates are multiplied")
     position: Point = Field(default=(0.0, 0.0, 0.0), description="where the file's origin is put, world units")
     color: tuple[Share, Share, Share] | None = Field(default=None, description="linear RGB of all of it, 0..1")
+    series: SeriesConfig | None = Field(
+        default=None,
+        description="file is a series of steps in time: a pattern with one * for the number, such as wave_*.vti, a "
+        ".pvd or .series file that names them, a .npy of points whose first axis is time, or drum, which is built in",
+    )
 
 
 class PointsConfig(_DataConfig):
@@ -65,13 +83,18 @@ class PointsConfig(_DataConfig):
 
     @model_validator(mode="after")
     def _one_colour(self) -> PointsConfig:
-        _check_one_colour(self.color, self.color_by)
+        mapped = self.color_by is not None and self.color_by.column is not None
+        _check_colors(self, self.color_by.color_map if mapped and self.color_by else None)
         return self
 
 
-def _check_one_colour(color: object, color_by: object) -> None:
-    if color is not None and color_by is not None:
+def _check_colors(config: PointsConfig | _FieldConfig, color_map: ColorMap | None) -> None:
+    """Refuse two ways to colour, and a series whose steps would each have colours of their own."""
+    if config.color is not None and config.color_by is not None:
         raise refusal("names both a color and a color_by", accepted="one of color, color_by")
+    if config.series is not None and color_map is not None and color_map.range is None:
+        at = ("color_by", "color_map", "range")
+        raise refusal("is absent, and a series is not read whole to find it", accepted="[lower, upper]", at=at)
 
 
 class ArrayColorConfig(Model):
@@ -86,7 +109,7 @@ class _FieldConfig(_DataConfig):
 
     @model_validator(mode="after")
     def _one_colour(self) -> _FieldConfig:
-        _check_one_colour(self.color, self.color_by)
+        _check_colors(self, None if self.color_by is None else self.color_by.color_map)
         return self
 
 
@@ -109,6 +132,16 @@ class IsosurfaceConfig(_FieldConfig):
     value: Number | Annotated[tuple[Number, ...], Field(min_length=1, max_length=64)] = Field(
         description="of the field, or several: a surface each"
     )
+
+    @model_validator(mode="after")
+    def _one_of_a_series(self) -> IsosurfaceConfig:
+        if self.series is not None and isinstance(self.value, tuple) and len(self.value) > 1:
+            raise refusal(
+                f"names {len(self.value)} values of a series",
+                accepted="one; more in entries of their own",
+                at=("value",),
+            )
+        return self
 
 
 DataConfig = Annotated[PointsConfig | SurfaceConfig | IsosurfaceConfig, Field(discriminator="type")]

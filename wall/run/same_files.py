@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from wall.config.loading import dump
-from wall.core.errors import ConfigError
+from wall.config.scene_data import DataConfig, SeriesConfig
+from wall.core.errors import ConfigError, SceneError
 from wall.core.files import read_file
 from wall.roles.plan import HEAD, Layout
 from wall.scene.data.samples import BUILT_IN_DATA
+from wall.scene.data.steps import steps_of
 from wall.scene.gltf import MOST_BYTES
 from wall.scene.sources import BUILT_IN, sources_of
 
@@ -72,17 +74,20 @@ def fingerprints(layout: Layout) -> dict[str, str]:
     """By name, what tells the program, the configuration as it is run, and the files of its scene from others."""
     loaded, scene = layout.loaded, layout.config.scene
     files = [name for name in sources_of(scene) if name not in BUILT_IN]
-    files += [data.file for data in scene.data if data.file not in BUILT_IN_DATA]
+    files += [data.file for data in scene.data if data.file not in BUILT_IN_DATA and data.series is None]
     files += [] if scene.environment is None else [scene.environment.file]
     prints = {
         f"the program (wall {version('wall')})": _of_program(),
         f"configuration {loaded.name}": _print_of(dump(layout.config).encode()),
     }
+    for data in scene.data:
+        if data.series is not None and data.file not in BUILT_IN_DATA:
+            prints[f"names and sizes of the steps of {data.file}"] = _of_steps(data, data.series, loaded.folder)
     for name in files:
         path = loaded.folder / name
-        data = _bytes_of(path)
-        prints[f"file {_named(path, loaded.folder)}"] = _print_of(data)
-        for each in _named_in(path, data):
+        content = _bytes_of(path)
+        prints[f"file {_named(path, loaded.folder)}"] = _print_of(content)
+        for each in _named_in(path, content):
             prints[f"file {_named(each, loaded.folder)}"] = _print_of(_bytes_of(each))
     return prints
 
@@ -96,6 +101,16 @@ def _of_program() -> str:
     for path in sorted(PROGRAM.rglob("*.py")):
         total.update(str(path.relative_to(PROGRAM)).encode() + b"\0" + path.read_bytes() + b"\0")
     return total.hexdigest()
+
+
+def _of_steps(data: DataConfig, series: SeriesConfig, folder: Path) -> str:
+    """Of a series, which is not read whole for this: the names and the sizes of its files."""
+    try:
+        parts = steps_of(data, series, folder / data.file, "").parts
+        sizes = {part.path.name: part.path.stat().st_size for part in parts}
+    except (SceneError, OSError):  # which is said elsewhere
+        return MISSING
+    return _print_of(json.dumps([len(parts), sizes]).encode())
 
 
 def _bytes_of(path: Path) -> bytes | None:

@@ -43,6 +43,7 @@ from wall.scene.model import (
 from wall.scene.object_edits import EditedObjects
 from wall.scene.parameter_tracks import ParameterTrack, tracks_of
 from wall.scene.placed import only_placed
+from wall.scene.series import Series, at_once, hide_others
 from wall.scene.shading import shaded
 from wall.scene.sources import joined, make_source, sources_of
 
@@ -76,25 +77,32 @@ class Scene:
     parameter_tracks: tuple[ParameterTrack, ...] = ()
     lens: Lens | None = None  # of the view that shows it; None: a pinhole
     cuts: tuple[Cut, ...] = ()
+    series: tuple[Series, ...] = ()
     _moments: dict[tuple[float, Edits], Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
     _shadings: dict[tuple[float, Edits], Shading] = field(init=False, repr=False, compare=False, default_factory=dict)
     _edited: EditedObjects = field(init=False, repr=False, compare=False, default_factory=EditedObjects)
 
     @property
     def triangles(self) -> int:
-        """Triangles and spheres in the image: each mesh counts once for every instance."""
-        return sum(self.meshes[instance.mesh].primitives for instance in self.instances)
+        """Triangles and spheres in the image: each mesh counts once for every instance, a series with its first."""
+        return sum(self.meshes[instance.mesh].primitives for instance in self.at_once)
+
+    @property
+    def at_once(self) -> list[Instance]:
+        """The instances without the further steps of series, one of which is there at a moment."""
+        return at_once(self.instances, self.series)
 
     @property
     def animated(self) -> bool:
         """Whether anything changes with time."""
-        return bool(self.tracks or self.parameter_tracks)
+        return bool(self.tracks or self.parameter_tracks or self.series)
 
     @property
     def animated_objects(self) -> NDArray[np.intp]:
-        """(m,) instances that move by themselves, in order."""
-        rows = self.tracks.bodies
-        return rows[rows < len(self.instances)]
+        """(m,) instances that move by themselves, or take turns as the steps of a series, in order."""
+        rows = self.tracks.bodies[self.tracks.bodies < len(self.instances)]
+        steps = [np.arange(each.rows.start, each.rows.stop) for each in self.series]
+        return np.unique(np.concatenate([rows, *steps])) if steps else rows
 
     def objects_in(self, share: tuple[float, float]) -> NDArray[np.bool_]:
         """(n,) bool, for sort-last: instances whose middle triangle lies in [from, to) of all, object after object.
@@ -151,10 +159,12 @@ class Scene:
     def _moment(self, time: float, edits: Edits) -> Moment:
         shading = self.shading(time, edits)
         ends = np.cumsum([len(self.instances), len(self.point_lights), len(self.spot_lights)])
-        objects, points, spots, directions = np.split(self._poses(time, shading), ends)
+        steps = tuple(each.step_at(time) for each in self.series)
+        objects, points, spots, directions = np.split(self._poses(time, shading, steps), ends)
         ways = directions[:, :3, 3]
         return Moment(
             world_from_object=objects,
+            steps=steps,
             moved=self._moved(shading),
             point_positions=points[:, :3, 3],
             spot_positions=spots[:, :3, 3],
@@ -168,10 +178,10 @@ class Scene:
             return self.animated_objects
         return np.union1d(self.animated_objects, self._edited.rows(shading.objects, self.instances))
 
-    def _poses(self, time: float, shading: Shading) -> Float64:
+    def _poses(self, time: float, shading: Shading, steps: tuple[int, ...]) -> Float64:
         """(bodies, 4, 4), read-only, with the lights where `shading` has them at rest."""
         before = self.unedited.lights
-        if not self.tracks and shading.lights == before and not shading.objects:
+        if not self.tracks and shading.lights == before and not shading.objects and not steps:
             return self.rest
         poses = self.rest.copy()
         for row, (light, was) in enumerate(zip(shading.lights, before, strict=True), start=len(self.instances)):
@@ -179,6 +189,7 @@ class Scene:
                 poses[row, :3, 3] = _position(light)
         self.tracks.apply(poses, time)
         self._edited.apply(poses, shading.objects, self.instances, self.meshes)
+        hide_others(poses, self.series, steps)
         poses.setflags(write=False)
         return poses
 
@@ -237,7 +248,7 @@ def assemble(source: Source) -> Scene:
     bodies: tuple[Light, ...] = (*points, *spots, *directional)
     areas = tuple(light for light in lights if isinstance(light, AreaLight))
     meshes, materials, emitters = emitting(lights, len(source.meshes), len(source.materials))
-    center, radius = framing_sphere(source.meshes, source.instances)
+    center, radius = framing_sphere(source.meshes, at_once(source.instances, source.series))
     instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances) + emitters
     return Scene(
         meshes=tuple(replace(mesh, origin=(0.0, 0.0, 0.0)) for mesh in source.meshes) + meshes,
@@ -259,6 +270,7 @@ def assemble(source: Source) -> Scene:
         rest=_rest(instances, bodies),
         light_order=_order(lights, bodies),
         parameter_tracks=tracks_of(source.animation),
+        series=source.series,
     )
 
 

@@ -153,19 +153,19 @@ def _of_lights(scene: Scene) -> Iterator[Feature]:
 
 
 def _of_objects(scene: Scene) -> Iterator[Feature]:
-    wanted, count = needs(scene), len(scene.instances)
-    placed = [scene.meshes[instance.mesh] for instance in scene.instances]
+    wanted, count, there = needs(scene), len(scene.instances), scene.at_once
+    placed = [scene.meshes[instance.mesh] for instance in there]
     once = {instance.mesh for instance in scene.instances}
     spared = sum(map(_mesh_bytes, placed)) - sum(_mesh_bytes(scene.meshes[k]) for k in once)
     yield Feature(
-        name="instancing", used=wanted.instancing, why=f"{count} objects of {len(once)} meshes", bytes=-spared
+        name="instancing", used=wanted.instancing, why=f"{len(there)} objects of {len(once)} meshes", bytes=-spared
     )
     still, moving = wanted.animation and not wanted.relighting, len(scene.animated_objects)
     lights = int((scene.tracks.bodies >= count).sum())
     yield Feature(
         name="motion", used=wanted.animation,
         why=f"{moving} objects, {lights} lights and {len(scene.parameter_tracks)} parameters move",
-        without=lambda: replace(scene, tracks=Tracks(), parameter_tracks=()),
+        without=lambda: _still(scene),
     )  # fmt: skip
     yield Feature(
         name="relighting", used=wanted.relighting,
@@ -256,7 +256,23 @@ def _direct(scene: Scene) -> Scene:
 
 def _without_points(scene: Scene) -> Scene:
     """The scene without objects that are spheres; lights keep their rows behind those of objects."""
-    placed = [scene.meshes[each.mesh].spheres is None for each in scene.instances]
+    placed = np.array([scene.meshes[each.mesh].spheres is None for each in scene.instances], np.bool_)
+    rows = np.cumsum(placed) - 1
+    series = [replace(each, first=int(rows[each.first])) for each in scene.series if placed[each.first]]
+    return replace(_with_instances(scene, placed), series=tuple(series))
+
+
+def _still(scene: Scene) -> Scene:
+    """The scene without motion; of series, the first steps."""
+    placed = np.ones(len(scene.instances), np.bool_)
+    for each in scene.series:
+        placed[each.rows.start + 1 : each.rows.stop] = False
+    still = replace(scene, tracks=Tracks(), parameter_tracks=(), series=())
+    return still if placed.all() else _with_instances(still, placed)
+
+
+def _with_instances(scene: Scene, placed: NDArray[np.bool_]) -> Scene:
+    """The scene with some of its instances alone; its series are left as they were."""
     kept = np.concatenate([placed, np.ones(len(scene.rest) - len(placed), np.bool_)])
     instances = tuple(each for each, stays in zip(scene.instances, placed, strict=True) if stays)
     return replace(_with_bodies(scene, kept), instances=instances)

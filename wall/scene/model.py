@@ -17,6 +17,7 @@ from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
 from wall.geometry.cameras import Lens, NamedCamera
 from wall.scene.animation import Moving
+from wall.scene.series import Series
 
 DARKEST_LEFT, SHORTEST_WAY = 1e-6, 1e-9  # that absorption is known by: a colour, world units; less counts as this
 SHARPEST_SPOT = 1e-3  # between the cosines of a spot's angles, as glTF says
@@ -226,6 +227,7 @@ class Source:
     environment: Environment | None = None  # in place of the sky
     animation: tuple[AnimationConfig, ...] = ()
     motions: tuple[Moving, ...] = ()  # of instances by their numbers, beside `animation`
+    series: tuple[Series, ...] = ()  # steps in time, which are instances that take turns
     cameras: tuple[NamedCamera, ...] = ()
     path_depth: int | None = None  # most surfaces that scatter a path; None: direct light alone
     occlusion: AmbientOcclusion | None = None  # paths of one surface, and no light that is followed
@@ -262,6 +264,7 @@ class Moment:
     """Everything that moves or can be edited, at one scene time under one state of edits."""
 
     world_from_object: Float64  # (instances, 4, 4)
+    steps: tuple[int, ...]  # of each of the scene's series, the step that is shown
     moved: NDArray[np.intp]  # (m,) instances, each once, in order: all others are as at rest
     point_positions: Float64  # (point lights, 3)
     spot_positions: Float64  # (spot lights, 3)

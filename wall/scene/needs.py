@@ -48,7 +48,8 @@ def needs(scene: Scene) -> Needs:
     """Look at what the instances really use: a texture that no placed mesh shows is not needed."""
     meshes = [scene.meshes[k] for k in {instance.mesh for instance in scene.instances}]
     materials = [scene.materials[k] for k in {mesh.material for mesh in meshes}]
-    of_triangles = {mesh.material for mesh in meshes if mesh.spheres is None}
+    steps = {scene.instances[each.first].mesh for each in scene.series}  # rays that meet them see that they shine
+    aimed_at = {k for k in {instance.mesh for instance in scene.instances} - steps if scene.meshes[k].spheres is None}
     mapped = [scene.materials[mesh.material] for mesh in meshes if mesh.uvs is not None]
     slots = [[m.textures[slot] for m in mapped if m.textures[slot] is not None] for slot in range(4)]
     textures = [scene.textures[k] for slot in slots for k in slot if k is not None]
@@ -77,7 +78,7 @@ def needs(scene: Scene) -> Needs:
         directional_lights=bool(scene.directional_lights),
         suns=paths and any(light.angular_diameter > 0.0 for light in scene.directional_lights),
         environment=scene.environment is not None,
-        instancing=len(meshes) < len(scene.instances),
+        instancing=len(meshes) < len(scene.at_once),
         animation=scene.animated,
         emission=emission,
         change_detection=(scene.animated or mirrors) and not noisy,  # which would take noise for change
@@ -86,7 +87,7 @@ def needs(scene: Scene) -> Needs:
         thin_glass=thin,
         absorption=paths and any(max(material.absorption) > 0.0 for material in materials),
         interfaces=thin or (paths and any(max(material.metallic, material.specular) > 0.0 for material in materials)),
-        emitters=paths and any(max(scene.materials[k].emission) > 0.0 for k in of_triangles),
+        emitters=paths and any(max(scene.materials[scene.meshes[k].material].emission) > 0.0 for k in aimed_at),
         cuts=bool(scene.cuts),
         relighting=scene.animated
         and 0 < lights <= MOST_RELIT_LIGHTS

@@ -42,15 +42,24 @@ class Picking:
         inverse[known] = np.linalg.inv(moment.world_from_object[known])
         origins = inverse[:, :3, :3] @ origin + inverse[:, :3, 3]
         directions = inverse[:, :3, :3] @ direction
-        entries = np.where(known, entered(self._boxes, origins, directions), np.inf)
+        boxes, steps = self._boxes, self._steps(moment)
+        if steps:
+            boxes = boxes.copy()
+            boxes[list(steps)] = [local_box(mesh) for mesh in steps.values()]
+        entries = np.where(known, entered(boxes, origins, directions), np.inf)
         nearest, instance = end, -1
         for k in np.argsort(entries):
             if entries[k] >= nearest:
                 break
-            mesh = self._scene.meshes[self._scene.instances[k].mesh]
+            mesh = steps.get(int(k)) or self._scene.meshes[self._scene.instances[k].mesh]
             if (found := self._first(mesh, origins[k], directions[k], begin)) < nearest:
                 nearest, instance = found, int(k)
         return (nearest, instance) if instance >= 0 else (math.inf, instance)
+
+    def _steps(self, moment: Moment) -> dict[int, Mesh]:
+        """By their instances, the meshes of the steps of series that are shown, but for first steps."""
+        shown = zip(self._scene.series, moment.steps, strict=True)
+        return {series.first + step: series.meshes.mesh(step) for series, step in shown if step > 0}
 
     def _first(self, mesh: Mesh, origin: Float64, direction: Float64, after: float) -> float:
         if mesh.spheres is not None:

@@ -16,6 +16,7 @@ from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.builtin.museum import museum
 from wall.scene.builtin.spheres import spheres
 from wall.scene.model import Instance, Material, Mesh, Source, Texture, TextureSet
+from wall.scene.series import Series
 
 BUILT_IN = {
     "arcade": arcade,
@@ -58,8 +59,10 @@ def joined(sources: Sequence[Source]) -> Source:
     textures: list[Texture] = []
     instances: list[Instance] = []
     motions: list[Moving] = []
+    series: list[Series] = []
     for source in sources:
         motions += [replace(moving, body=moving.body + len(instances)) for moving in source.motions]
+        series += [replace(each, first=each.first + len(instances)) for each in source.series]
         instances += [replace(i, mesh=i.mesh + len(meshes)) for i in source.instances]
         meshes += [replace(m, material=m.material + len(materials)) for m in source.meshes]
         materials += [_with_textures_from(len(textures), material) for material in source.materials]
@@ -73,6 +76,7 @@ def joined(sources: Sequence[Source]) -> Source:
         sky=next((source.sky for source in sources if source.sky is not None), None),
         animation=tuple(track for source in sources for track in source.animation),
         motions=tuple(motions),
+        series=tuple(series),
         path_depth=max((source.path_depth for source in sources if source.path_depth is not None), default=None),
         cameras=tuple(camera for source in sources for camera in source.cameras),
         notes=tuple(note for source in sources for note in source.notes),

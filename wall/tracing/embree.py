@@ -213,6 +213,11 @@ class Device:
         of.geometries.append(geometry)
         return geometry
 
+    def show(self, geometry: Handle, mesh: Handle) -> None:
+        """Make an instance one of another mesh, once its scene is committed."""
+        _library.rtcSetGeometryInstancedScene(geometry, mesh)
+        _library.rtcCommitGeometry(geometry)
+
     def hide(self, geometry: Handle) -> None:
         """Let every ray pass an instance, once its scene is committed."""
         _library.rtcSetGeometryMask(geometry, 0)
@@ -228,12 +233,13 @@ class Device:
 
 
 class Handles:
-    """Embree's handles of instances and their scenes, released with this object; keeps the meshes' device."""
+    """Embree's handles of instances and their scenes, released with this object; keeps the devices of their meshes."""
 
     def __init__(self, device: Device) -> None:
         self.scenes: list[Handle] = []
         self.geometries: list[Handle] = []
-        end = weakref.finalize(self, _release, self.scenes, self.geometries, [device])
+        self.devices = [device]
+        end = weakref.finalize(self, _release, self.scenes, self.geometries, self.devices)
         end.atexit = False
 
 

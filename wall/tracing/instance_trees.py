@@ -15,6 +15,7 @@ from wall.scene.model import Moment
 from wall.tracing import embree
 from wall.tracing.kernels.placement import place_instances
 from wall.tracing.kernels.values import PLACEMENT_COLUMNS, Trees
+from wall.tracing.steps import LaidSteps
 from wall.tracing.tracer_scene import TracerScene
 
 LEAST_APART = 4096  # instances; fewer are one tree, which takes less than 3 ms to build
@@ -31,6 +32,7 @@ class InstanceTrees:
         self.built = 0  # trees so far
         self.transforms = embree.aligned((n, 12), np.float32)
         self.placements = np.zeros((n, PLACEMENT_COLUMNS), np.float32)
+        self._meshes, self._extents = list(tracer_scene.meshes), tracer_scene.extents
         self._tracer_scene, self._masks = tracer_scene, masks
         self._device = tracer_scene.device
         self._handles = self._device.handles()
@@ -53,6 +55,17 @@ class InstanceTrees:
         """Instances whose matrix has no inverse, as last placed."""
         return int(self._singular.sum())
 
+    def show(self, laid: LaidSteps) -> None:
+        """Gives instances the meshes of the steps that are shown; to be placed then, where those and others changed."""
+        before, self._meshes = self._meshes, list(self._tracer_scene.meshes)
+        self._extents = self._tracer_scene.extents.copy()
+        for step in laid.steps:
+            self._meshes[step.instance], self._extents[step.instance] = step.mesh, step.extent
+        for k, (was, mesh) in enumerate(zip(before, self._meshes, strict=True)):
+            if was != mesh:
+                self._device.show(int(self._geometries[k]), mesh)
+        self._handles.devices[1:] = [step.device for step in laid.steps]
+
     def place(self, moment: Moment, origin: Float64) -> None:
         """Places what is not yet where it is to be, relative to the eye at `origin` (3,), world."""
         before, self._shown = self._shown, moment
@@ -70,6 +83,7 @@ class InstanceTrees:
         goes_over = self._many and 0 < len(begun) <= len(self._geometries) // 2
         if goes_over:
             for k in begun.tolist():
+                self._device.show(int(self._geometries[k]), self._tracer_scene.meshes[k])  # a step's would be kept
                 self._device.hide(int(self._geometries[k]))
             self._move_apart(begun)
         self._place(moment.world_from_object, rows)
@@ -83,7 +97,7 @@ class InstanceTrees:
             self._geometries,
             self.transforms,
             self.placements,
-            self._tracer_scene.extents,
+            self._extents,
             self._singular,
             OFFSET_ULPS,
         )
@@ -107,5 +121,5 @@ class InstanceTrees:
         self.trees = self.trees._replace(moving=moving, objects=objects)
 
     def _instance(self, tree: embree.Handle, number: int, k: int) -> embree.Handle:
-        mesh, mask = self._tracer_scene.meshes[k], int(self._masks[k])
+        mesh, mask = self._meshes[k], int(self._masks[k])
         return self._device.instance(self._handles, tree, number, mesh=mesh, mask=mask)

@@ -39,6 +39,7 @@ from wall.tracing.kernels.values import (
     Workspace,
 )
 from wall.tracing.light_trees import DeltaLights, EmitterTree
+from wall.tracing.steps import LaidSteps
 from wall.tracing.tracer_scene import TracerScene, sky_rows
 
 MOST_SURFACES = 1 << 16  # of a path: no limit
@@ -149,6 +150,8 @@ class Tracer:
             self._emitter_tree = EmitterTree(emitters, self._surfaces, tracer_scene.both_sides, center)
             self._lights = self._lights._replace(emitters=self._emitter_tree.emitters)
         self._materials = tracer_scene.materials
+        self._steps = (0,) * len(tracer_scene.scene.series)  # of series, that are shown
+        self._laid: LaidSteps | None = None  # kept while they are
         self._shading: Shading | None = None  # as last placed
         self._depth = tracer_scene.scene.path_depth
         primary_mask, cuts = EVERY_OBJECT if seen is None else SEEN, len(tracer_scene.scene.cuts)
@@ -182,6 +185,8 @@ class Tracer:
         """Places instances and lights of a moment relative to the eye at `origin` (3,), world."""
         tracer_scene = self._tracer_scene
         self._shade(moment.shading)
+        if tracer_scene.steps is not None and moment.steps != self._steps:
+            self._show(tracer_scene.steps.of(tracer_scene, moment.steps), moment.steps)
         self.instances.place(moment, origin)
         if self._emitter_tree is not None:
             self._emitter_tree.place(moment.world_from_object, origin)
@@ -196,6 +201,17 @@ class Tracer:
             self._lights = self._lights._replace(directional=directional)
             if tracer_scene.needs.suns:
                 self._part_suns(directional)
+
+    def _show(self, laid: LaidSteps, steps: tuple[int, ...]) -> None:
+        """Take over the meshes of the steps of series."""
+        arrays, own = laid.arrays, self._surfaces
+        meshes = own.meshes._replace(triangles=arrays.meshes.triangles, mesh_table=arrays.meshes.mesh_table)
+        self._surfaces = own._replace(
+            meshes=meshes, normals=arrays.normals, colors=arrays.colors, point_colors=arrays.point_colors,
+            vertices=arrays.vertices,
+        )  # fmt: skip
+        self.instances.show(laid)
+        self._steps, self._laid = steps, laid
 
     def _part_suns(self, directional: Float32) -> None:
         """Gives directional lights (n, 6) that are discs to Lights.suns, the others to Lights.directional."""

@@ -19,20 +19,17 @@ from wall.scene.model import Material, Mesh, PointLight, Shading, Sky, SpotLight
 from wall.scene.needs import Needs, needs
 from wall.scene.of_views import Way, way_of
 from wall.scene.sky import sky_irradiance
-from wall.tracing.embree import Device, Handle, Passing
+from wall.tracing.embree import Device, Handle
 from wall.tracing.environment import environment_tables
 from wall.tracing.interface import interface_table
 from wall.tracing.kernels.values import (
-    CLAMP,
     HAS_COLORS,
     HAS_NORMALS,
     HAS_POINT_COLORS,
     HAS_UVS,
     MATERIAL,
     MATERIAL_ROW,
-    MIRROR,
     PLACEMENT_COLUMNS,
-    REPEAT,
     Emitters,
     Environment,
     LightTree,
@@ -43,13 +40,14 @@ from wall.tracing.kernels.values import (
     Textures,
 )
 from wall.tracing.light_trees import emitter_tree, make_tree
+from wall.tracing.mesh_trees import WRAPS, extent_of, mesh_tree
 from wall.tracing.mip_levels import mip_levels
+from wall.tracing.steps import Steps
 
 LEAST_EMITTERS = 64  # triangles that a tree chooses from; fewer are chosen by power alone, docs/lab/light.md
 LEAST_POINTS, LEAST_SPOTS = 32, 128  # lights that a tree chooses from on paths; fewer are all looked at
 DARKEST_MEAN = 1e-3  # of a texture: a dark one is still aimed at where it shines
 OF_TEXTURES = {"first_texel", "texture_width", "texture_height", "wrap_u", "wrap_v", "uv_set"}
-WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +69,7 @@ class TracerScene:
     environment: Environment | None
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
+    steps: Steps | None  # of series; None: there are none
     _others: dict[Way, TracerScene] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     def under(self, scene: Scene) -> TracerScene:
@@ -132,13 +131,10 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
     device = Device()
     handles = []
     for mesh, row in zip(meshes, table, strict=True):
-        if mesh.spheres is not None:
-            handles.append(device.spheres(mesh.spheres, _transparency(scene, mesh, mesh.triangles)))
-            continue
         first, start = int(row[1]), int(row[0])
         own = vertices[first : first + len(mesh.vertices)], triangles[start : start + len(mesh.triangles)]
-        handles.append(device.mesh(*own, _transparency(scene, mesh, own[1])))
-    radii = [_extent(mesh) for mesh in meshes]
+        handles.append(mesh_tree(device, scene, mesh, *own))
+    radii = [extent_of(mesh) for mesh in meshes]
     of_instance = row_of[[instance.mesh for instance in scene.instances]]
     surfaces = Surfaces(
         meshes=Meshes(
@@ -170,6 +166,7 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
         environment=None,
         sky=sky_rows(scene.sky),
         sky_irradiance=sky_irradiance(scene.sky),
+        steps=Steps() if scene.series else None,
     )
     return _for_integrator(of_any, scene)
 
@@ -194,29 +191,6 @@ def _for_integrator(laid: TracerScene, scene: Scene) -> TracerScene:
         if scene.environment is None
         else environment_tables(scene.environment, paths=scene.path_depth is not None),
     )
-
-
-def _transparency(scene: Scene, mesh: Mesh, triangles: NDArray[np.uint32]) -> Passing | None:
-    """What Device.mesh takes for a mesh that is not there in places; None for all others."""
-    material = scene.materials[mesh.material]
-    number = material.textures.base_color
-    texture = None if number is None or mesh.uvs is None else scene.textures[number]
-    texels = None if texture is None or texture.alpha is None else np.ascontiguousarray(texture.alpha)
-    if material.alpha_mode == "opaque" or (texels is None and material.alpha_mode == "blend" and material.alpha >= 1.0):
-        return None
-    from wall.tracing.kernels import alpha
-
-    uvs = None
-    numbers = np.zeros(alpha.MESH_NUMBERS, np.int64)
-    numbers[alpha.BLENDS] = material.alpha_mode == "blend"
-    values = numbers.view(np.float32)
-    values[2 * alpha.ALPHA], values[2 * alpha.CUTOFF] = material.alpha, material.alpha_cutoff
-    if texture is not None and texels is not None:
-        uvs = np.ascontiguousarray(mesh.uvs_of(texture), np.float32)
-        numbers[: alpha.WIDTH] = triangles.ctypes.data, uvs.ctypes.data, texels.ctypes.data
-        numbers[alpha.WIDTH], numbers[alpha.HEIGHT] = texels.shape[1], texels.shape[0]
-        numbers[alpha.WRAP_U], numbers[alpha.WRAP_V] = (WRAPS[way] for way in texture.wrap)
-    return alpha.PASS_TRANSPARENT, tuple(array for array in (numbers, triangles, uvs, texels) if array is not None)
 
 
 def sky_rows(sky: Sky) -> Float32:
@@ -247,14 +221,6 @@ def _point_colors(meshes: Sequence[Mesh]) -> Float32:
     """(s, 3) float32 of all spheres that have colours; not copied where one mesh has them all."""
     found = [mesh.colors for mesh in meshes if mesh.spheres is not None and mesh.colors is not None]
     return np.ascontiguousarray(found[0] if len(found) == 1 else np.concatenate(found), np.float32)
-
-
-def _extent(mesh: Mesh) -> float:
-    """How far a mesh reaches from its origin, object space."""
-    if mesh.spheres is not None:
-        x, y, z, radii = mesh.spheres.T
-        return float((np.sqrt(x * x + y * y + z * z) + radii).max())
-    return float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max()))
 
 
 def _mesh_table(scene: Scene, meshes: Sequence[Mesh], wanted: Needs) -> NDArray[np.uint32]:
@@ -346,10 +312,11 @@ def _write(row: Any, material: Material) -> None:
 def _emitters(scene: Scene, surfaces: Surfaces | None) -> Emitters:
     """Every triangle that emits, by its power at rest, and a tree of them where they are many; None: without it."""
     first, instances, powers, count = np.full(len(scene.instances), -1, np.int64), [], [], 0
+    steps = {row for each in scene.series for row in range(each.rows.start, each.rows.stop)}
     for k, instance in enumerate(scene.instances):
         mesh = scene.meshes[instance.mesh]
         emission = np.array(scene.materials[mesh.material].emission)
-        if emission.max() <= 0.0 or mesh.spheres is not None:  # rays see spheres that shine, and are not aimed at them
+        if emission.max() <= 0.0 or mesh.spheres is not None or k in steps:  # rays see those, and are not aimed at them
             continue
         corners = (mesh.vertices.astype(np.float64) @ instance.world_from_object[:3, :3].T)[mesh.triangles]
         areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2

@@ -29,6 +29,7 @@ RANKS = {
     "cave_corner": 4,
     "cut_away": 3,
     "demo": 5,
+    "drum": 2,
     "forest": 3,
     "galaxy": 2,
     "four_by_two_bezels": 9,

@@ -16,12 +16,16 @@ from wall.scene.points import FARTHEST, sphere_points
 from wall.scene.repair import unit_of
 
 
-def points_mesh(config: PointsConfig, path: Path, name: str, where: str) -> tuple[Mesh, float, tuple[str, ...]]:
+def points_mesh(
+    config: PointsConfig, path: Path, name: str, where: str, row: int | None = None
+) -> tuple[Mesh, float, tuple[str, ...]]:
     """The spheres of a file, with material 0; the unit that they are in, as `repair` has of triangles; and notes.
 
-    where : of the entry in the configuration, for errors. Raises SceneError.
+    row : of a file with several steps, see read_table; where : of the entry in the configuration, for errors
+
+    Raises SceneError.
     """
-    table = read_table(path)
+    table = read_table(path, row)
     spheres = _spheres(config, table, where)
     colors, notes = _colors(config, table, where)
     with np.errstate(invalid="ignore"):

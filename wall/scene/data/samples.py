@@ -14,6 +14,7 @@ SEED = 7
 ARMS, WINDING = 2, 6.0  # of the galaxy; radians that an arm turns from the middle to the rim
 BULGE = 0.16  # share of the stars that are in the middle
 GRID = 96  # points of a field along each axis
+SKIN = 120  # spheres along an edge of a drum's skin
 REACH = 28.0  # of a field, from the middle; Bohr radii
 
 
@@ -55,6 +56,22 @@ def orbital(points: int = GRID) -> tuple[dict[str, Float32], float]:
     return {name: values.astype(np.float32) for name, values in fields.items()}, float(axis[1] - axis[0])
 
 
+def drum(step: int) -> dict[str, Float32]:
+    """A square skin of spheres that swings, 2 wide, about the plane y = 0: x, y, z, height; the same again after STEPS.
+
+    Two waves of a square skin, which run twice and three times in a period.
+    """
+    edge = np.linspace(-1.0, 1.0, SKIN)
+    x, z = (each.ravel() for each in np.meshgrid(edge, edge, indexing="ij"))
+    turn = 2.0 * np.pi * step / STEPS["drum"]
+    first = np.cos(1.5 * np.pi * x) * np.cos(0.5 * np.pi * z) * np.cos(2.0 * turn)
+    height = 0.15 * (first + np.sin(np.pi * x) * np.sin(2.0 * np.pi * z) * np.cos(3.0 * turn))
+    columns = {"x": x, "y": height, "z": z, "height": height}
+    return {name: values.astype(np.float32) for name, values in columns.items()}
+
+
 POINTS = {"galaxy": galaxy}
 FIELDS = {"orbital": orbital}
-BUILT_IN_DATA = frozenset({*POINTS, *FIELDS})
+POINT_STEPS = {"drum": drum}
+STEPS = {"drum": 60}  # of series
+BUILT_IN_DATA = frozenset({*POINTS, *FIELDS, *POINT_STEPS})

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.errors import SceneError
-from wall.scene.data.samples import POINTS
+from wall.scene.data.samples import POINT_STEPS, POINTS
 
 MOST_NAMED = 30  # in an error
 FIRST_ROWS = 4096  # bytes of a text file in which its first row of numbers is looked for
@@ -60,18 +60,23 @@ class Table:
         return tuple(self.columns)[:3]
 
 
-def read_table(path: Path) -> Table:
-    """The columns of a file of points, or of built-in ones by their name."""
+def read_table(path: Path, row: int | None = None) -> Table:
+    """The columns of a file of points, or of built-in ones by their name.
+
+    row : of the first axis of an array, or the step of a built-in series; None: it has no steps
+    """
+    if path.name in POINT_STEPS:
+        return Table(path=path, columns=POINT_STEPS[path.name](row or 0))
     if path.name in POINTS:
         return Table(path=path, columns=POINTS[path.name]())
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        known = f"{', '.join(READERS)}, and built in {', '.join(POINTS)}"
+        known = f"{', '.join(READERS)}, and built in {', '.join([*POINTS, *POINT_STEPS])}"
         raise SceneError(f"{path}: no known kind of points, known are {known}")
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
     try:
-        columns = reader(path)
+        columns = reader(path) if row is None else _named("", np.load(path, mmap_mode="r", allow_pickle=False)[row])
     except SceneError:
         raise
     except Exception as error:  # parsers of broken files raise anything

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float32, Float64
 from wall.core.errors import SceneError
+from wall.scene.data.errors import NoSurfaceError
 from wall.scene.data.samples import FIELDS
 
 READERS = {  # by VTK's module and class
@@ -117,7 +118,9 @@ def isosurface(
     contour.SetValue(0, value)
     found = _triangulated(_updated(contour, path), chosen, path)
     if len(found.triangles) == 0:
-        raise SceneError(f"{where}.value = {value:g}: {name!r} of {path.name} is from {low:g} to {high:g}, never that")
+        raise NoSurfaceError(
+            f"{where}.value = {value:g}: {name!r} of {path.name} is from {low:g} to {high:g}, never that"
+        )
     return found
 
 

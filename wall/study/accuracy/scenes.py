@@ -153,6 +153,7 @@ def with_every_feature(scene: Scene) -> Scene:
             sky=scene.sky,
             environment=scene.environment,
             path_depth=scene.path_depth,
+            series=scene.series,
         )
     )
     return replace(whole, cuts=cuts)

@@ -1,6 +1,6 @@
 """What millions of spheres cost beside the forest: time and memory to build, samples a second of one core.
 
-`python -m wall.study.speed.many_points 1000000 10000000` prints a line for the forest and two for each number of
+`python -m wall.study.speed.many_spheres 1000000 10000000` prints a line for the forest and two for each number of
 points: seconds of CPU to make the scene and its trees, MB of memory that they keep, samples/s, and that rate over the
 forest's. Points fill a cube, or are the built-in galaxy's, in colours by a colour map, under one directional light, as
 in the forest; every pixel has one sample in a sweep.
