@@ -84,8 +84,13 @@ def launch_line(layout: Layout, cores: int) -> str:
 
 
 def _primitives(scene: Scene) -> str:
-    spheres = [scene.meshes[instance.mesh].spheres is not None for instance in scene.instances]
-    return "spheres" if all(spheres) else "triangles and spheres" if any(spheres) else "triangles"
+    meshes = [scene.meshes[instance.mesh] for instance in scene.at_once]
+    kinds = {
+        "triangles": any(mesh.spheres is None for mesh in meshes),
+        "spheres": any(mesh.spheres is not None and mesh.segments is None for mesh in meshes),
+        "segments of curves": any(mesh.segments is not None for mesh in meshes),
+    }
+    return " and ".join(name for name, there in kinds.items() if there)
 
 
 def _described(view: ViewConfig) -> str:

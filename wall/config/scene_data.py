@@ -66,29 +66,42 @@ class _DataConfig(Model):
     )
 
 
-class PointsConfig(_DataConfig):
+class _RowsConfig(_DataConfig):
+    columns: Three | None = Field(
+        default=None, description="of the coordinates; absent = x, y, z, or the first three numbers of a row"
+    )
+    radius: Positive | RadiusColumnConfig = Field(description="units of the file, or a column of it")
+    color_by: ColorColumnsConfig | None = Field(
+        default=None, description="colours from columns; absent = red, green, blue of the file, where it has them"
+    )
+
+    @model_validator(mode="after")
+    def _one_colour(self) -> _RowsConfig:
+        mapped = self.color_by is not None and self.color_by.column is not None
+        _check_colors(self, self.color_by.color_map if mapped and self.color_by else None)
+        return self
+
+
+class PointsConfig(_RowsConfig):
     """Points, each drawn as a sphere."""
 
     type: Literal["points"] = Field(description="points, each drawn as a sphere")
     file: Text = Field(
         description="relative to this file: .ply, .npy, .npz, .csv, .txt or .xyz; or galaxy, which is built in"
     )
-    columns: Three | None = Field(
-        default=None, description="of the coordinates; absent = x, y, z, or the first three numbers of a row"
+
+
+class CurvesConfig(_RowsConfig):
+    """Curves, such as streamlines and hair, each drawn as a round tube through its points."""
+
+    type: Literal["curves"] = Field(description="streamlines, hair: round tubes through points")
+    file: Text = Field(
+        description="relative to this file: lines of a .vtp, .vtk or .vtu, which need wall[data]; .npy "
+        "(curves, points, columns); .npz, .csv, .txt or .ply with a column named curve; or lorenz, which is built in"
     )
-    radius: Positive | RadiusColumnConfig = Field(description="of the spheres: units of the file, or a column of it")
-    color_by: ColorColumnsConfig | None = Field(
-        default=None, description="colours from columns; absent = red, green, blue of the file, where it has them"
-    )
-
-    @model_validator(mode="after")
-    def _one_colour(self) -> PointsConfig:
-        mapped = self.color_by is not None and self.color_by.column is not None
-        _check_colors(self, self.color_by.color_map if mapped and self.color_by else None)
-        return self
 
 
-def _check_colors(config: PointsConfig | _FieldConfig, color_map: ColorMap | None) -> None:
+def _check_colors(config: _RowsConfig | _FieldConfig, color_map: ColorMap | None) -> None:
     """Refuse two ways to colour, and a series whose steps would each have colours of their own."""
     if config.color is not None and config.color_by is not None:
         raise refusal("names both a color and a color_by", accepted="one of color, color_by")
@@ -144,4 +157,4 @@ class IsosurfaceConfig(_FieldConfig):
         return self
 
 
-DataConfig = Annotated[PointsConfig | SurfaceConfig | IsosurfaceConfig, Field(discriminator="type")]
+DataConfig = Annotated[PointsConfig | CurvesConfig | SurfaceConfig | IsosurfaceConfig, Field(discriminator="type")]

@@ -97,14 +97,21 @@ def _of_surfaces(scene: Scene) -> Iterator[Feature]:
         name="alpha", used=wanted.alpha, why=of_materials(lambda m: m.alpha_mode != "opaque"),
         without=lambda: _changed(scene, alpha_mode="opaque"),
     )  # fmt: skip
-    spheres = [mesh for mesh in meshes if mesh.spheres is not None]
+    round_ones = [mesh for mesh in meshes if mesh.spheres is not None]
+    spheres = [mesh for mesh in round_ones if mesh.segments is None]
+    curves = [mesh for mesh in round_ones if mesh.segments is not None]
     triangles = [mesh for mesh in meshes if mesh.spheres is None]
     yield Feature(
         name="points", used=wanted.points, why=f"{len(spheres)} of {len(meshes)} meshes are spheres",
-        bytes=sum(mesh.spheres.nbytes for mesh in meshes if mesh.spheres is not None),
-        without=(lambda: _without_points(scene)) if triangles else None,
+        bytes=sum(mesh.spheres.nbytes for mesh in spheres if mesh.spheres is not None),
+        without=(lambda: _without(scene, spheres)) if len(spheres) < len(meshes) else None,
     )  # fmt: skip
-    yield _attribute(scene, spheres, "colours of points", "colors", wanted.point_colors)
+    yield Feature(
+        name="curves", used=wanted.curves, why=f"{len(curves)} of {len(meshes)} meshes are curves",
+        bytes=sum(mesh.spheres.nbytes for mesh in curves if mesh.spheres is not None),
+        without=(lambda: _without(scene, curves)) if len(curves) < len(meshes) else None,
+    )  # fmt: skip
+    yield _attribute(scene, round_ones, "colours of points and curves", "colors", wanted.point_colors)
     yield _attribute(scene, triangles, "vertex colours", "colors", wanted.vertex_colors)
     yield _attribute(scene, meshes, "smooth normals", "normals", wanted.smooth_normals)
     yield Feature(
@@ -254,9 +261,10 @@ def _direct(scene: Scene) -> Scene:
     return replace(scene, path_depth=None, occlusion=None, lens=None, parameter_tracks=tracks)
 
 
-def _without_points(scene: Scene) -> Scene:
-    """The scene without objects that are spheres; lights keep their rows behind those of objects."""
-    placed = np.array([scene.meshes[each.mesh].spheres is None for each in scene.instances], np.bool_)
+def _without(scene: Scene, meshes: Sequence[Mesh]) -> Scene:
+    """The scene without objects of some meshes; lights keep their rows behind those of objects."""
+    gone = {id(mesh) for mesh in meshes}
+    placed = np.array([id(scene.meshes[each.mesh]) not in gone for each in scene.instances], np.bool_)
     rows = np.cumsum(placed) - 1
     series = [replace(each, first=int(rows[each.first])) for each in scene.series if placed[each.first]]
     return replace(_with_instances(scene, placed), series=tuple(series))

@@ -87,7 +87,7 @@ class Material:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mesh:
-    """A triangle mesh, or spheres, in object space with one material; it may be placed many times."""
+    """Triangles, spheres, or curves, in object space with one material; it may be placed many times."""
 
     name: str
     vertices: Float32  # (v, 3) object space, relative to `origin`
@@ -98,10 +98,13 @@ class Mesh:
     uvs: Float32 | None = None  # (v, 2 n), n sets of u and v, v up
     colors: Float32 | None = None  # (v, 3) linear RGB, multiplies base_color
     spheres: Float32 | None = None  # (v, 4) centres, which are the vertices, and radii; None: triangles
+    segments: NDArray[np.uint32] | None = None  # (s,) of curves: the first of two vertices; None: spheres are apart
 
     @property
     def primitives(self) -> int:
-        """How many triangles, or spheres, it has."""
+        """How many triangles, spheres or segments of curves it has."""
+        if self.segments is not None:
+            return len(self.segments)
         return len(self.triangles) if self.spheres is None else len(self.spheres)
 
     def uvs_of(self, texture: Texture) -> Float32 | None:

@@ -22,7 +22,8 @@ class Needs:
     alpha: bool  # surfaces that are not there in places
     vertex_colors: bool
     points: bool  # spheres
-    point_colors: bool  # each sphere has its own
+    curves: bool
+    point_colors: bool  # each sphere, or vertex of a curve, has its own
     smooth_normals: bool
     mirrors: bool
     point_lights: bool
@@ -69,7 +70,8 @@ def needs(scene: Scene) -> Needs:
         uv_sets=any(texture.uv_set > 0 for texture in textures),
         alpha=any(material.alpha_mode != "opaque" for material in materials),
         vertex_colors=any(mesh.colors is not None for mesh in meshes if mesh.spheres is None),
-        points=any(mesh.spheres is not None for mesh in meshes),
+        points=any(mesh.spheres is not None and mesh.segments is None for mesh in meshes),
+        curves=any(mesh.segments is not None for mesh in meshes),
         point_colors=any(mesh.colors is not None for mesh in meshes if mesh.spheres is not None),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         mirrors=mirrors,

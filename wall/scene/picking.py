@@ -11,7 +11,7 @@ from wall.core.data import Float64
 from wall.scene.bounds import local_box
 from wall.scene.build import Scene
 from wall.scene.cuts import piece_left, planes_of
-from wall.scene.kernels.picking import first_sphere, first_triangle
+from wall.scene.kernels.picking import first_segment, first_sphere, first_triangle
 from wall.scene.model import Material, Mesh, Moment, Texture
 
 MOSTLY_THERE = 0.5  # alpha from which on a blended surface is what is seen
@@ -65,7 +65,11 @@ class Picking:
         if mesh.spheres is not None:
             material = self._scene.materials[mesh.material]
             there = material.alpha_mode == "opaque" or material.alpha >= _least(material)
-            return float(first_sphere(mesh.spheres, origin, direction, after)) if there else math.inf
+            if not there:
+                return math.inf
+            if mesh.segments is not None:
+                return float(first_segment(mesh.spheres, mesh.segments, origin, direction, after))
+            return float(first_sphere(mesh.spheres, origin, direction, after))
         found = np.zeros(3)
         while (number := first_triangle(mesh.vertices, mesh.triangles, origin, direction, after, found)) >= 0:
             if self._is_there(mesh, number, found):

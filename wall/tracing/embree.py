@@ -33,14 +33,15 @@ T_FAR, MASK, RAY_ID, FLAGS = range(128, 192, 16)
 NORMAL_X, NORMAL_Y, NORMAL_Z, HIT_U, HIT_V, PRIMITIVE, GEOMETRY, INSTANCE = range(192, 320, 16)
 RAY_FLOATS, RAY_HIT_FLOATS = 192, 352  # two spare rows: Embree 4.4 writes an instance-array index behind INSTANCE
 
-_GEOMETRY_TRIANGLE, _GEOMETRY_SPHERES, _GEOMETRY_INSTANCE = 0, 50, 121
+_GEOMETRY_TRIANGLE, _GEOMETRY_ROUND_LINEAR_CURVE, _GEOMETRY_SPHERES, _GEOMETRY_INSTANCE = 0, 16, 50, 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
-_FORMAT_UINT3, _FORMAT_FLOAT3, _FORMAT_FLOAT4, FORMAT_FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9004, 0x9134
+_FORMAT_UINT, _FORMAT_UINT3 = 0x5001, 0x5003
+_FORMAT_FLOAT3, _FORMAT_FLOAT4, FORMAT_FLOAT3X4_ROW_MAJOR = 0x9003, 0x9004, 0x9134
 _SCENE_DYNAMIC, _SCENE_ROBUST = 1, 4
 _QUALITY_MEDIUM = 1  # low quality takes longer to build over instances, and is no faster to trace
 _QUERY_COHERENT = 1 << 16
-# triangles, spheres, instances and filters, of what may be in a scene: Embree may skip tests for anything else
-_FEATURES = (1 << 1) | (1 << 20) | (1 << 23) | (1 << 25)
+# triangles, curves, spheres, instances and filters, of what may be in a scene: Embree may skip tests for anything else
+_FEATURES = (1 << 1) | (1 << 6) | (1 << 20) | (1 << 23) | (1 << 25)
 
 _library = ctypes.CDLL(embreex.rtcore_scene.__file__)
 _P, _U, _Z = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
@@ -181,6 +182,25 @@ class Device:
         )
         self._kept.append(spheres)
         return self._alone(geometry, passing, "building spheres")
+
+    def curves(self, spheres: Float32, segments: NDArray[np.uint32], passing: Passing | None = None) -> Handle:
+        """A committed, robust scene of curves: cones between spheres that follow each other, without seams.
+
+        Parameters
+        ----------
+        spheres : (v, 4) float32, contiguous, centres and radii, kept alive here
+        segments : (s,) uint32, contiguous, of the first of each two spheres; kept alive here
+        passing : as for `mesh`
+        """
+        geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_ROUND_LINEAR_CURVE)
+        _library.rtcSetSharedGeometryBuffer(
+            geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT4, spheres.ctypes.data, 0, 16, len(spheres)
+        )
+        _library.rtcSetSharedGeometryBuffer(
+            geometry, _BUFFER_INDEX, 0, _FORMAT_UINT, segments.ctypes.data, 0, 4, len(segments)
+        )
+        self._kept += [spheres, segments]
+        return self._alone(geometry, passing, "building curves")
 
     def _alone(self, geometry: Handle, passing: Passing | None, doing: str) -> Handle:
         """A committed, robust scene of one geometry, which it takes; `doing`: see check."""

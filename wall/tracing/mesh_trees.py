@@ -1,4 +1,4 @@
-"""Embree's trees of a scene's meshes: triangles or spheres, and what of them is not there."""
+"""Embree's trees of a scene's meshes: triangles, spheres or curves, and what of them is not there."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from wall.core.data import Float32
 from wall.scene.build import Scene
 from wall.scene.model import Mesh
 from wall.tracing.embree import Device, Handle, Passing
-from wall.tracing.kernels.values import CLAMP, MIRROR, REPEAT
+from wall.tracing.kernels.values import CLAMP, HAS_POINT_COLORS, HAS_SEGMENTS, MIRROR, REPEAT
 
 WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 
@@ -20,9 +20,17 @@ def mesh_tree(device: Device, scene: Scene, mesh: Mesh, vertices: Float32, trian
     vertices, triangles : of triangles, what Device.mesh takes; of spheres not read
     """
     passing = _transparency(scene, mesh, triangles)
+    if mesh.spheres is not None and mesh.segments is not None:
+        return device.curves(mesh.spheres, mesh.segments, passing)
     if mesh.spheres is not None:
         return device.spheres(mesh.spheres, passing)
     return device.mesh(vertices, triangles, passing)
+
+
+def round_flags(mesh: Mesh) -> int:
+    """MESH_FLAGS of spheres or curves."""
+    colored = mesh.colors is not None
+    return HAS_POINT_COLORS * colored + HAS_SEGMENTS * (colored and mesh.segments is not None)
 
 
 def padded(vertices: Float32) -> Float32:

@@ -19,16 +19,16 @@ from wall.scene.build import Scene
 from wall.scene.model import Mesh
 from wall.tracing.embree import Device, Handle
 from wall.tracing.kernels.values import (
+    FIRST_SEGMENT,
     FIRST_SPHERE,
     FIRST_TRIANGLE,
     FIRST_VERTEX,
     HAS_COLORS,
     HAS_NORMALS,
-    HAS_POINT_COLORS,
     MESH_FLAGS,
     Surfaces,
 )
-from wall.tracing.mesh_trees import extent_of, mesh_tree, padded
+from wall.tracing.mesh_trees import extent_of, mesh_tree, padded, round_flags
 
 if TYPE_CHECKING:
     from wall.tracing.tracer_scene import TracerScene
@@ -97,19 +97,23 @@ def _with_steps(static: Surfaces, steps: Sequence[LaidStep]) -> Surfaces:
     of_corners = (static.vertices, static.normals, static.colors)
     corner = max((len(each) for each in of_corners if each is not None), default=0)
     triangle, sphere = len(static.meshes.triangles), 0 if static.point_colors is None else len(static.point_colors)
+    segment = 0 if static.segments is None else len(static.segments)
     table = static.meshes.mesh_table.copy()
     meshes = [step.data for step in steps]
     solid = [mesh for mesh in meshes if mesh.spheres is None]
     for step in steps:
         row, mesh = table[step.instance], step.data
         if mesh.spheres is not None:
-            row[FIRST_SPHERE], row[MESH_FLAGS] = sphere, HAS_POINT_COLORS * (mesh.colors is not None)
+            row[FIRST_SPHERE], row[MESH_FLAGS] = sphere, round_flags(mesh)
+            if mesh.segments is not None:
+                row[FIRST_SEGMENT], segment = segment, segment + len(mesh.segments)
             sphere += len(mesh.spheres) if mesh.colors is not None else 0
             continue
         flags = HAS_NORMALS * (mesh.normals is not None) + HAS_COLORS * (mesh.colors is not None)
         row[FIRST_TRIANGLE], row[FIRST_VERTEX], row[MESH_FLAGS] = triangle, corner, flags
         triangle, corner = triangle + len(mesh.triangles), corner + len(mesh.vertices)
     colored = [mesh.colors for mesh in meshes if mesh.spheres is not None and mesh.colors is not None]
+    curves = [mesh.segments for mesh in meshes if mesh.segments is not None]
     triangles = np.concatenate([static.meshes.triangles, *(mesh.triangles for mesh in solid)])
     return static._replace(
         meshes=static.meshes._replace(mesh_table=table, triangles=triangles),
@@ -117,6 +121,7 @@ def _with_steps(static: Surfaces, steps: Sequence[LaidStep]) -> Surfaces:
         normals=_behind(static.normals, [mesh.normals for mesh in solid], solid, corner),
         colors=_behind(static.colors, [mesh.colors for mesh in solid], solid, corner),
         point_colors=None if static.point_colors is None else np.concatenate([static.point_colors, *colored]),
+        segments=None if static.segments is None else np.concatenate([static.segments, *curves]),
     )
 
 

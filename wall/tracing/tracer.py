@@ -208,7 +208,7 @@ class Tracer:
         meshes = own.meshes._replace(triangles=arrays.meshes.triangles, mesh_table=arrays.meshes.mesh_table)
         self._surfaces = own._replace(
             meshes=meshes, normals=arrays.normals, colors=arrays.colors, point_colors=arrays.point_colors,
-            vertices=arrays.vertices,
+            segments=arrays.segments, vertices=arrays.vertices,
         )  # fmt: skip
         self.instances.show(laid)
         self._steps, self._laid = steps, laid

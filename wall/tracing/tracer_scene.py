@@ -23,9 +23,9 @@ from wall.tracing.embree import Device, Handle
 from wall.tracing.environment import environment_tables
 from wall.tracing.interface import interface_table
 from wall.tracing.kernels.values import (
+    FIRST_SEGMENT,
     HAS_COLORS,
     HAS_NORMALS,
-    HAS_POINT_COLORS,
     HAS_UVS,
     MATERIAL,
     MATERIAL_ROW,
@@ -40,7 +40,7 @@ from wall.tracing.kernels.values import (
     Textures,
 )
 from wall.tracing.light_trees import emitter_tree, make_tree
-from wall.tracing.mesh_trees import WRAPS, extent_of, mesh_tree
+from wall.tracing.mesh_trees import WRAPS, extent_of, mesh_tree, round_flags
 from wall.tracing.mip_levels import mip_levels
 from wall.tracing.steps import Steps
 
@@ -146,6 +146,7 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
         normals=_attribute([mesh.normals for mesh in meshes], meshes, 3) if wanted.smooth_normals else None,
         colors=_attribute([_vertex_colors(mesh) for mesh in meshes], meshes, 3) if wanted.vertex_colors else None,
         point_colors=_point_colors(meshes) if wanted.point_colors else None,
+        segments=_segments(meshes) if wanted.curves and wanted.point_colors else None,
         uvs=_uvs(scene, meshes, wanted) if wanted.textures else None,
         vertices=None,
         relit=None,
@@ -223,13 +224,20 @@ def _point_colors(meshes: Sequence[Mesh]) -> Float32:
     return np.ascontiguousarray(found[0] if len(found) == 1 else np.concatenate(found), np.float32)
 
 
+def _segments(meshes: Sequence[Mesh]) -> NDArray[np.uint32]:
+    """(c,) of all curves."""
+    return np.concatenate([mesh.segments for mesh in meshes if mesh.segments is not None])
+
+
 def _mesh_table(scene: Scene, meshes: Sequence[Mesh], wanted: Needs) -> NDArray[np.uint32]:
     """(meshes, 4) uint32, a row of Meshes.mesh_table for each mesh."""
     table = np.zeros((len(meshes), 4), np.uint32)
-    triangle = vertex = sphere = 0
+    triangle = vertex = sphere = segment = 0
     for row, mesh in zip(table, meshes, strict=True):
         if mesh.spheres is not None:
-            row[:] = triangle, sphere, mesh.material, HAS_POINT_COLORS * (mesh.colors is not None)
+            row[:] = triangle, sphere, mesh.material, round_flags(mesh)
+            if mesh.segments is not None:
+                row[FIRST_SEGMENT], segment = segment, segment + len(mesh.segments)
             sphere += len(mesh.spheres) if mesh.colors is not None else 0
             continue
         flags = HAS_NORMALS * (mesh.normals is not None and wanted.smooth_normals)

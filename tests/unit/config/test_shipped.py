@@ -42,6 +42,7 @@ RANKS = {
     "graphs/see_through": 3,
     "graphs/sort_last_direct_send": 4,
     "graphs/sort_last_tree": 6,
+    "lorenz": 2,
     "measure/bounce": 5,
     "measure/cuts": 5,
     "measure/features": 2,

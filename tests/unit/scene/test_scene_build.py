@@ -166,6 +166,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         alpha=False,
         vertex_colors=True,
         points=False,
+        curves=False,
         point_colors=False,
         smooth_normals=True,
         mirrors=True,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wall.config.scene_data import DataConfig, PointsConfig
+from wall.config.scene_data import CurvesConfig, DataConfig, PointsConfig
 from wall.core.data import Float32, Float64
 from wall.core.errors import SceneError
 from wall.scene.data.errors import NoSurfaceError
@@ -82,7 +82,7 @@ def _in_frame(mesh: Mesh, scale: float, like: Mesh) -> Mesh:
 
 def _meshes(config: DataConfig, part: Part, name: str, where: str) -> tuple[list[tuple[Mesh, float]], tuple[str, ...]]:
     """Meshes, each with the unit that it is in, and notes."""
-    if isinstance(config, PointsConfig):
+    if isinstance(config, PointsConfig | CurvesConfig):
         mesh, unit, notes = points_mesh(config, part.path, name, where, part.row)
         return [(mesh, unit)], notes
     from wall.scene.data.surfaces import surface_meshes

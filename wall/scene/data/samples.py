@@ -15,6 +15,7 @@ ARMS, WINDING = 2, 6.0  # of the galaxy; radians that an arm turns from the midd
 BULGE = 0.16  # share of the stars that are in the middle
 GRID = 96  # points of a field along each axis
 SKIN = 120  # spheres along an edge of a drum's skin
+STEP = 0.008  # of time along curves
 REACH = 28.0  # of a field, from the middle; Bohr radii
 
 
@@ -70,8 +71,30 @@ def drum(step: int) -> dict[str, Float32]:
     return {name: values.astype(np.float32) for name, values in columns.items()}
 
 
+def lorenz(curves: int = 24, points: int = 1500) -> dict[str, NDArray[Any]]:
+    """Ways through the Lorenz attractor, from near each other to everywhere: x, y, z, speed, curve.
+
+    E. N. Lorenz, "Deterministic nonperiodic flow", 1963; y is up, and what was 27 there is the middle.
+    """
+    places = np.random.default_rng(SEED).normal((1.0, 1.0, 20.0), 0.02, (curves, 3)).T
+    ways, speeds = np.empty((points, 3, curves)), np.empty((points, curves))
+
+    def flow(at: Float64) -> Float64:
+        x, y, z = at
+        return np.stack([10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z])
+
+    for k in range(points):
+        ways[k], speeds[k] = places, np.linalg.norm(flow(places), axis=0)
+        middle = places + 0.5 * STEP * flow(places)
+        places = places + STEP * flow(middle)
+    x, y, z = (ways[:, axis].T.ravel().astype(np.float32) for axis in range(3))
+    speed, curve = speeds.T.ravel().astype(np.float32), np.repeat(np.arange(curves), points)
+    return {"x": x, "y": z - np.float32(27.0), "z": y, "speed": speed, "curve": curve}
+
+
 POINTS = {"galaxy": galaxy}
+CURVES = {"lorenz": lorenz}
 FIELDS = {"orbital": orbital}
 POINT_STEPS = {"drum": drum}
 STEPS = {"drum": 60}  # of series
-BUILT_IN_DATA = frozenset({*POINTS, *FIELDS, *POINT_STEPS})
+BUILT_IN_DATA = frozenset({*POINTS, *CURVES, *FIELDS, *POINT_STEPS})

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.errors import SceneError
-from wall.scene.data.samples import POINT_STEPS, POINTS
+from wall.scene.data.samples import CURVES, POINT_STEPS, POINTS
 
 MOST_NAMED = 30  # in an error
 FIRST_ROWS = 4096  # bytes of a text file in which its first row of numbers is looked for
 POSITIONS = ("x", "y", "z")
 WHOLE_POSITIONS = ("position", "positions", "points", "xyz", "coordinates", "pos")  # arrays (n, 3)
+CURVE = "curve"  # column of the number of the curve that a point is of
 COLORS = ("red", "green", "blue")
 
 
@@ -30,6 +31,7 @@ class Table:
 
     path: Path
     columns: dict[str, NDArray[Any]]  # (n,) each; a column without a name is called by its number
+    starts: NDArray[np.bool_] | None = None  # (n,) of curves: where each begins
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -90,6 +92,42 @@ def read_table(path: Path, row: int | None = None) -> Table:
     if len(columns) < 3:
         raise SceneError(f"{path}: has the columns {', '.join(columns)}; wanted at least three, for coordinates")
     return Table(path=path, columns=columns)
+
+
+def read_curves(path: Path) -> Table:
+    """The points of a file's curves, one after the other: of VTK's lines, of an array, or of tables with a `curve`."""
+    suffix = path.suffix.lower()
+    if path.name in CURVES:
+        table = Table(path=path, columns=CURVES[path.name]())
+    elif suffix in (".vtp", ".vtk", ".vtu"):
+        from wall.scene.data.vtk_files import read_lines
+
+        columns, curve = read_lines(path)
+        table = Table(path=path, columns=columns | {CURVE: curve})
+    elif suffix == ".npy" and (rows := _three_axes(path)) is not None:
+        count, points, width = rows.shape
+        flat = {str(k): rows[:, :, k].ravel() for k in range(width)}
+        table = Table(path=path, columns=flat | {CURVE: np.repeat(np.arange(count), points)})
+    else:
+        table = read_table(path)
+    if CURVE not in table.columns or len(table.columns) < 4 or len(table) == 0:
+        came = ", ".join(list(table.columns)[:MOST_NAMED])
+        raise SceneError(
+            f"{path}: has the columns {came}; wanted coordinates and {CURVE!r}, the number of each one's curve"
+        )
+    curve = table.columns.pop(CURVE)
+    starts = np.ones(len(curve), np.bool_)
+    starts[1:] = curve[1:] != curve[:-1]
+    return Table(path=path, columns=table.columns, starts=starts)
+
+
+def _three_axes(path: Path) -> NDArray[Any] | None:
+    """An array of three axes; None for others, and for files that cannot be read, which is said elsewhere."""
+    try:
+        found: NDArray[Any] = np.load(path, allow_pickle=False)
+    except (OSError, ValueError):
+        return None
+    return found if found.ndim == 3 and found.dtype.names is None else None
 
 
 def _named(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:

@@ -72,6 +72,33 @@ def read_data_set(path: Path) -> Any:
     return found
 
 
+def read_lines(path: Path) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
+    """The points of a file's lines, line after line: x, y, z and its arrays as columns, and the number of each line.
+
+    A vector is columns by `name.0`, ..., and its length by name. Arrays of cells are those of lines.
+    """
+    found = read_data_set(path)
+    if not found.IsA("vtkPolyData"):
+        faces = _made("vtkFiltersGeometry", "vtkDataSetSurfaceFilter", path)
+        faces.SetInputData(found)
+        found = _updated(faces, path)
+    lines = found.GetLines()
+    if lines.GetNumberOfCells() == 0:
+        raise SceneError(f"{path}: holds no lines; wanted polylines, or type: points or surface")
+    corners = _numbers(lines.GetConnectivityArray()).astype(np.intp)
+    line = np.repeat(np.arange(lines.GetNumberOfCells()), np.diff(_numbers(lines.GetOffsetsArray())))
+    columns = dict(zip("xyz", np.asarray(_numbers(found.GetPoints().GetData()), np.float64)[corners].T, strict=True))
+    of_cell = line + found.GetNumberOfVerts()  # cells of vertices come first
+    for arrays, rows in ((found.GetPointData(), corners), (found.GetCellData(), of_cell)):
+        for name in _names(arrays):
+            values = np.asarray(_numbers(arrays.GetArray(name)), np.float64)[rows]
+            if values.ndim == 2:
+                columns |= {f"{name}.{k}": values[:, k] for k in range(values.shape[1])}
+                values = np.linalg.norm(values, axis=1)
+            columns.setdefault(name, values)
+    return columns, line
+
+
 def _image(arrays: dict[str, Float32], spacing: float, path: Path) -> Any:
     """VTK's image of arrays (z, y, x) about the origin."""
     image = _made("vtkCommonDataModel", "vtkImageData", path)

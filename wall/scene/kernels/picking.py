@@ -1,4 +1,4 @@
-"""Meets one ray with the triangles or spheres of a mesh, one by one: no tree is needed for a click."""
+"""Meets one ray with the triangles, spheres or curves of a mesh, one by one: no tree is needed for a click."""
 
 from __future__ import annotations
 
@@ -64,4 +64,41 @@ def first_sphere(spheres, origin, direction, after):
         away = way - half if way - half > after else way + half
         if after < away < nearest:
             nearest = away
+    return nearest
+
+
+@kernel
+def first_segment(spheres, segments, origin, direction, after):
+    """As `first_sphere`, for curves: segments (s,) uint32 between two of the spheres, with a cone that touches both.
+
+    A point at a + h b of the axis, b from centre to centre, lies on the cone with the radius that shrinks along it:
+    with d the radii's difference, (p - a) . b - h |b|^2 = d r at the normal's foot, a quadratic equation for the ray.
+    """
+    dx, dy, dz = direction[0], direction[1], direction[2]
+    nearest = first_sphere(spheres, origin, direction, after)
+    for s in range(segments.shape[0]):
+        i = segments[s]
+        x, y, z = float(spheres[i, 0]), float(spheres[i, 1]), float(spheres[i, 2])
+        bx, by, bz = spheres[i + 1, 0] - x, spheres[i + 1, 1] - y, spheres[i + 1, 2] - z
+        ox, oy, oz = origin[0] - x, origin[1] - y, origin[2] - z
+        ra, fall = float(spheres[i, 3]), float(spheres[i, 3]) - float(spheres[i + 1, 3])
+        bb = bx * bx + by * by + bz * bz
+        slant = bb - fall * fall  # square of the cone's length
+        if slant <= 0.0:
+            continue  # one sphere is in the other
+        bd, bo = bx * dx + by * dy + bz * dz, bx * ox + by * oy + bz * oz
+        dd, do = dx * dx + dy * dy + dz * dz, dx * ox + dy * oy + dz * oz
+        oo = ox * ox + oy * oy + oz * oz
+        # y = p . b along the ray; the surface is where slant |p|^2 = y^2 - 2 fall ra y + ra^2 bb
+        a = slant * dd - bd * bd
+        b = slant * do - bo * bd + fall * ra * bd
+        c = slant * oo - bo * bo + 2.0 * fall * ra * bo - ra * ra * bb
+        root = b * b - a * c
+        if root < 0.0 or a == 0.0:
+            continue
+        for sign in (-1.0, 1.0):
+            away = (-b + sign * math.sqrt(root)) / a
+            along = bo + away * bd - ra * fall
+            if 0.0 <= along <= slant and after < away < nearest:
+                nearest = away
     return nearest

@@ -32,7 +32,7 @@ from wall.scene.model import (
     TextureSet,
     Wrap,
 )
-from wall.scene.points import sphere_points
+from wall.scene.points import curve_points, sphere_points
 from wall.tracing.tracer import Traced, Tracer
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
@@ -116,8 +116,8 @@ def with_every_feature(scene: Scene) -> Scene:
     """A still scene that looks the same, for a tracer that has every feature: numba compiles one for each set of them.
 
     Far below, away from all else, lie a small dark object with every texture, vertex colours and smooth normals, which
-    shines a little and is in part glass that absorbs, a pane of thin glass, and a coloured sphere; every kind of light
-    is there, black, and a cut that is not enabled.
+    shines a little and is in part glass that absorbs, a pane of thin glass, a coloured sphere and a coloured curve;
+    every kind of light is there, black, and a cut that is not enabled.
     The sky stays a sky, and an environment an environment.
     """
     first, texel = len(scene.textures), np.full((2, 2, 3), 9, np.uint8)
@@ -134,8 +134,10 @@ def with_every_feature(scene: Scene) -> Scene:
     pane = replace(square, material=square.material + 1, normals=None, uvs=None, colors=None)
     thin = Material(name="thin", base_color=BLACK, transmission=1.0, thin=True)
     point = sphere_points(np.array([[0.0, 0.0, 0.0, 0.1]]), material=pane.material, colors=np.zeros((1, 3)))
+    ends = np.array([[0.0, 0.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.1]])
+    curve = curve_points(ends, np.array([True, False]), material=pane.material, colors=np.zeros((2, 3)))
     up, below = (0.0, 1.0, 0.0), (0.0, -500.0, 0.0)
-    far = [instance(len(scene.meshes) + k, at=(k, -500.0, 0.0), turn=("x", 90.0), scale=0.1) for k in range(3)]
+    far = [instance(len(scene.meshes) + k, at=(k, -500.0, 0.0), turn=("x", 90.0), scale=0.1) for k in range(4)]
     lights = (
         PointLight(position=below, intensity=BLACK),
         SpotLight(position=below, direction=up, intensity=BLACK, inner_angle=10.0, outer_angle=20.0),
@@ -145,7 +147,7 @@ def with_every_feature(scene: Scene) -> Scene:
     cuts = scene.cuts or (Cut(position=below, normal=up, enabled=False),)
     whole = assemble(
         Source(
-            meshes=(*scene.meshes, square, pane, point),
+            meshes=(*scene.meshes, square, pane, point, curve),
             materials=(*scene.materials, dark, thin),
             instances=(*scene.instances, *far),
             textures=(*scene.textures, *more),

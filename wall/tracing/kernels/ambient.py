@@ -50,7 +50,7 @@ def trace_ambient(scene, camera, xy, samples, surfaces, materials, lights, work,
         if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) != 0:
             finish_surfaces(work)
             colour_by_vertices(surfaces.meshes, surfaces.colors, work)
-            colour_points(surfaces.meshes, surfaces.point_colors, work)
+            colour_points(surfaces.meshes, surfaces.point_colors, surfaces.segments, work)
             apply_textures(surfaces, materials, surfaces.uvs, work)
             whiten(occlusion.white, work)
         encode_normals(True, surfaces.meshes.eye_from_object, materials.rows, work)

@@ -75,7 +75,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 finish_surfaces(work)
                 find_raises(surfaces.normals, surfaces.vertices, surfaces.meshes, work)
                 colour_by_vertices(surfaces.meshes, surfaces.colors, work)
-                colour_points(surfaces.meshes, surfaces.point_colors, work)
+                colour_points(surfaces.meshes, surfaces.point_colors, surfaces.segments, work)
                 apply_textures(surfaces, materials, surfaces.uvs, work)
                 absorb(materials.absorbs, surfaces.meshes.placements, materials.rows, work)
             if bounce == 0:

@@ -11,12 +11,14 @@ from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.values import (
+    FIRST_SEGMENT,
     FIRST_SPHERE,
     FIRST_TRIANGLE,
     FIRST_VERTEX,
     HAS_COLORS,
     HAS_NORMALS,
     HAS_POINT_COLORS,
+    HAS_SEGMENTS,
     MATERIAL_ROW,
     MESH_FLAGS,
     MISS,
@@ -28,7 +30,7 @@ from wall.tracing.kernels.values import (
 )
 
 NORMALS_FLAG, COLORS_FLAG = np.uint32(HAS_NORMALS), np.uint32(HAS_COLORS)
-POINT_COLORS_FLAG = np.uint32(HAS_POINT_COLORS)
+POINT_COLORS_FLAG, SEGMENTS_FLAG = np.uint32(HAS_POINT_COLORS), np.uint32(HAS_SEGMENTS)
 
 
 @inline_kernel
@@ -145,14 +147,26 @@ def colour_by_vertices(meshes, colors, work):
 
 
 @inline_kernel
-def colour_points(meshes, point_colors, work):
-    """Multiplies albedo by the colours (s, 3) float32 of spheres, where there are any; None does nothing."""
+def colour_points(meshes, point_colors, segments, work):
+    """Multiplies albedo by the colours (s, 3) float32 of spheres and curves, where there are any; None does nothing.
+
+    segments : Surfaces.segments
+    """
     if point_colors is not None:
         p, bits = work.packet, work.bits
         for lane in range(16):
             if p[rows.HIT + lane] == ZERO:
                 continue
             mesh = meshes.mesh_table[bits[embree.INSTANCE + lane]]
+            if segments is not None:  # noqa: SIM102  (see gather_surfaces)
+                if mesh[MESH_FLAGS] & SEGMENTS_FLAG:
+                    segment = np.int64(mesh[FIRST_SEGMENT]) + np.int64(bits[embree.PRIMITIVE + lane])
+                    first = np.int64(mesh[FIRST_SPHERE]) + np.int64(segments[segment])
+                    u = p[embree.HIT_U + lane]
+                    for row in range(3):
+                        color = (ONE - u) * point_colors[first, row] + u * point_colors[first + 1, row]
+                        p[rows.ALBEDO_R + 16 * row + lane] *= color
+                    continue
             if mesh[MESH_FLAGS] & POINT_COLORS_FLAG:
                 color = point_colors[np.int64(mesh[FIRST_SPHERE]) + np.int64(bits[embree.PRIMITIVE + lane])]
                 p[rows.ALBEDO_R + lane] *= color[0]

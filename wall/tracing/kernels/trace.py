@@ -120,7 +120,7 @@ def light_packet(scene, surfaces, materials, lights, work):
     finish_surfaces(work)
     find_raises(surfaces.normals, surfaces.vertices, surfaces.meshes, work)
     colour_by_vertices(surfaces.meshes, surfaces.colors, work)
-    colour_points(surfaces.meshes, surfaces.point_colors, work)
+    colour_points(surfaces.meshes, surfaces.point_colors, surfaces.segments, work)
     apply_textures(surfaces, materials, surfaces.uvs, work)
     add_ambient(lights.environment, lights, work)
     for lane in range(16):

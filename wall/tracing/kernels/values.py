@@ -34,7 +34,8 @@ COUNTS = 4
 # columns of Surfaces.mesh_table, and the flags in the last of them
 FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS = range(4)
 FIRST_SPHERE = FIRST_VERTEX  # of spheres: their first row of Surfaces.point_colors
-HAS_NORMALS, HAS_COLORS, HAS_UVS, HAS_POINT_COLORS = 1, 2, 4, 8
+FIRST_SEGMENT = FIRST_TRIANGLE  # of curves: their first row of Surfaces.segments
+HAS_NORMALS, HAS_COLORS, HAS_UVS, HAS_POINT_COLORS, HAS_SEGMENTS = 1, 2, 4, 8, 16
 # columns of Surfaces.placements behind the nine of normal_from_object
 PLACEMENT_BASE, PLACEMENT_SLOPE, PLACEMENT_STRETCH = 9, 10, 11
 PLACEMENT_COLUMNS = 12
@@ -102,7 +103,8 @@ class Surfaces(NamedTuple):
     meshes: Meshes
     normals: Float32 | None  # (v, 3) shading normals
     colors: Float32 | None  # (v, 3) linear RGB
-    point_colors: Float32 | None  # (s, 3) linear RGB of the spheres of meshes that have such colours
+    point_colors: Float32 | None  # (s, 3) linear RGB of the spheres, or vertices of curves, that have such colours
+    segments: NDArray[np.uint32] | None  # (c,) of curves: the first of two vertices; None: none have colours
     uvs: Float32 | None  # (v, 2 n), n sets
     vertices: Float32 | None  # (v, 3) within the mesh, object space; None without textures, emitters and normals
     relit: bool | None  # None leaves normals and visible lights out of samples

@@ -51,7 +51,7 @@ def look(scene, camera, xy, surfaces, materials, lights, work, points):
         if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) > 0:
             finish_surfaces(work)
             colour_by_vertices(surfaces.meshes, surfaces.colors, work)
-            colour_points(surfaces.meshes, surfaces.point_colors, work)
+            colour_points(surfaces.meshes, surfaces.point_colors, surfaces.segments, work)
             apply_textures(surfaces, materials, surfaces.uvs, work)
         for lane in range(count):
             k = first + lane
