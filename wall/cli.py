@@ -14,6 +14,7 @@ import typer
 from wall.cli_faults import faults, soak
 from wall.cli_measure import measure
 from wall.cli_operations import doctor, top
+from wall.cli_peers import peers
 from wall.cli_plan import plan
 from wall.cli_render import UpOption, ViewOption, render, replay
 from wall.commands.terminal import console, errors, fail, load_config, parse_size, readably, say_version, write_text
@@ -30,6 +31,7 @@ app = typer.Typer(
 )
 measure.command()(faults)
 measure.command()(soak)
+measure.command()(peers)
 app.add_typer(measure, name="measure")
 app.command()(plan)
 app.command()(render)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -27,6 +28,13 @@ class Score:
     over_time: list[float]  # RMSE at each moment
 
 
+class Shows(Protocol):
+    """What was on the panels of a wall."""
+
+    def codes(self, panel: Panel, time: float) -> Bytes:
+        """(h, w, 3) uint8 sRGB that a panel showed at `time` of the path."""
+
+
 class Shown:
     """What the panels of a wall showed in one run."""
 
@@ -48,7 +56,7 @@ class Shown:
         return self._log.rgb(held)
 
 
-def score(shown: Shown, reference: WallReference) -> Score:
+def score(shown: Shows, reference: WallReference) -> Score:
     """Hold what was shown against the reference images, moment by moment. Raises RunError."""
     panels = reference.wall.panels
     weights = [panel.pixels[0] * panel.pixels[1] for panel in panels]
@@ -60,7 +68,7 @@ def score(shown: Shown, reference: WallReference) -> Score:
     )  # fmt: skip
 
 
-def _panel(shown: Shown, reference: WallReference, panel: Panel, k: int) -> tuple[float, float, float]:
+def _panel(shown: Shows, reference: WallReference, panel: Panel, k: int) -> tuple[float, float, float]:
     """Mean square error, FLIP and SSIM of a panel at moment k."""
     a: Float32 = shown.codes(panel, reference.times[k]).astype(np.float32) / np.float32(255.0)
     b = reference.display(panel.id, k)
