@@ -34,6 +34,7 @@ def test_help_imports_no_command_and_none_of_its_libraries() -> None:
         "wall.cli_faults",
         "wall.cli_measure",
         "wall.cli_operations",
+        "wall.cli_peers",
         "wall.cli_plan",
         "wall.cli_render",
         "wall.core",

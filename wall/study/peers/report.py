@@ -21,7 +21,8 @@ SAME_CODES = 2.0  # RMSE of means over blocks up to which two renderers are said
 MARKS = "os^vDPX*<>hp"
 NOTE = (
     "RMSE of display values in 8-bit codes, against the picture of each moment that is right; a picture counts until "
-    "the next one. p95: of the time to it. cores: CPU seconds a second. At rest: from a camera that stands still, of pixels, and of means over 8x8 of them."
+    "the next one. p95: of the time to it. cores: CPU seconds a second. At rest: from a camera that stands still, of "
+    "pixels, and of means over 8x8 of them."
 )
 
 
