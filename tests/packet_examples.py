@@ -14,8 +14,8 @@ from wall.core.data import SAMPLE, Batch, Float64, Rect, Samples
 from wall.core.errors import RemoteProtocolError
 from wall.packets.samples import decode
 
-LENGTH_AT, CHECKSUM_AT = 90, 166  # byte offsets in a sample packet's header
-HEADER = 170  # bytes
+LENGTH_AT, CHECKSUM_AT = 90, 178  # byte offsets in a sample packet's header
+HEADER = 182  # bytes
 SMALLEST_NORMAL = 2.0**-126
 LARGEST_COLOUR = 65408.0
 TIME_ROUNDING = 1.0 + 1e-5  # float32 arithmetic around the time code

@@ -17,6 +17,7 @@ from wall.cli_operations import doctor, top
 from wall.cli_peers import peers
 from wall.cli_plan import plan
 from wall.cli_render import UpOption, ViewOption, render, replay
+from wall.cli_tracker import tracker
 from wall.commands.terminal import console, errors, fail, load_config, parse_size, readably, say_version, write_text
 from wall.core.errors import EditError
 
@@ -38,6 +39,7 @@ app.command()(render)
 app.command()(replay)
 app.command()(top)
 app.command()(doctor)
+app.command()(tracker)
 
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)

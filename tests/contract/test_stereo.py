@@ -10,7 +10,7 @@ import pytest
 
 from wall.commands.render import render
 from wall.config.loading import load
-from wall.core.data import Float32
+from wall.core.data import STILL, Float32
 from wall.geometry.cameras import look_at, seen_from
 from wall.roles.plan import Plan, aimed, first_event, make_layout
 from wall.run.single_process import SingleProcess
@@ -18,6 +18,8 @@ from wall.scene.build import Scene
 from wall.tracing.tracer_scene import make_tracer_scene
 
 RMSE = 0.01  # display values; see test_adaptive; measured 0.0044
+MOVED = (0.03125, -0.015625, -0.0625)  # metres
+ROUNDED = 0.002  # display values: float64 sums in another order move a sample by 1e-13 pixels, and few edges
 OTHER_EYE = 5.0  # times the error, at least, against what the other eye sees; measured 10
 CONFIG = """\
 version: 1
@@ -63,12 +65,12 @@ def assert_shown(chain: SingleProcess, expected: list[Float32]) -> None:
         assert error(own, other) > OTHER_EYE * error(own, reference)
 
 
-def test_each_eye_is_shown_what_it_sees_before_and_after_a_move(tmp_path: Path, tiny_scene: Scene) -> None:
+def test_each_eye_is_shown_what_it_sees_also_after_camera_and_viewer_moved(tmp_path: Path, tiny_scene: Scene) -> None:
     plan = plan_of(tmp_path, tiny_scene, "adaptive")
     chain = SingleProcess(plan, make_tracer_scene(tiny_scene))
     assert_shown(chain, references(plan))
 
-    camera = look_at((0.7, 2.0, 4.8), (0.0, 0.6, 0.0), (0.0, 1.0, 0.0))
+    camera = look_at((0.7, 2.0, 4.8), (0.0, 0.6, 0.0), (0.0, 1.0, 0.0)).tracked(MOVED, plan.view.scale)
     moved = replace(plan, views=(replace(plan.view, still=camera),))
     chain.event = replace(first_event(moved, chain.clock.now()), camera_event=1)
     chain.clock.advance(1.0)  # samplers look at their images at every refresh, not at every event
@@ -91,3 +93,19 @@ def test_left_eye_s_image_is_that_of_a_wall_for_one_eye_that_stands_there(
 
     np.testing.assert_array_equal(left.rgb, alone.rgb)
     assert (right.rgb != alone.rgb).any()
+
+
+def test_a_tracked_viewer_s_image_is_that_of_a_wall_whose_eye_stands_there(tmp_path: Path, tiny_scene: Scene) -> None:
+    """Both eyes: the wall's frustum is that from the new eye, and the world is seen from there."""
+    plan, tracer_scene = plan_of(tmp_path, tiny_scene, "frameless"), make_tracer_scene(tiny_scene)
+    there = replace(plan.view, still=plan.view.still.tracked(MOVED, plan.view.scale))
+    still = replace(there.still, eye=STILL.eye)
+    configured = replace(plan, views=(replace(plan.view, eye=plan.view.eye + MOVED, still=still),))
+
+    tracked = SingleProcess(replace(plan, views=(there,)), tracer_scene).until_complete()
+    fixed = SingleProcess(configured, tracer_scene).until_complete()
+
+    for one, other in zip(tracked, fixed, strict=True):
+        assert error(one.rgb / 255.0, other.rgb / 255.0) < ROUNDED
+    unmoved = SingleProcess(plan, tracer_scene).until_complete()
+    assert error(tracked[0].rgb / 255.0, unmoved[0].rgb / 255.0) > 10 * ROUNDED

@@ -204,6 +204,12 @@ class Config(Model):
                 raise refusal("is no view before this one", accepted=", ".join(before) or "none is", at=where)
             if view.camera.follow is not None and view.path is not None:
                 raise refusal("its camera follows another view's", accepted="no path", at=("views", k, "path"))
+        for k, view in enumerate(self.views):
+            others = [other.tracking for other in self.views[:k] if other.tracking is not None]
+            if view.tracking is not None and any(view.tracking.cannot_share_port(other) for other in others):
+                accepted = f"an address of the other kind, IPv4 or IPv6, or another port than {view.tracking.port}"
+                problem = "another view is tracked from an address of the other kind at this port"
+                raise refusal(problem, accepted=accepted, at=("views", k, "tracking", "source"))
         if len(self.views) > 1 and self.graph.sync != "none":
             raise refusal("shows one view's frames", accepted="sync: none, or one view", at=("graph", "sync"))
         return self

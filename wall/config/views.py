@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from wall.config.materials import IntegratorConfig
 from wall.config.sampling import SamplingConfig
+from wall.config.tracking import TrackingConfig
 from wall.core.fields import (
     Direction,
     Flag,
@@ -181,6 +182,9 @@ class ViewConfig(Model):
         "that the camera's target stands in the wall's plane",
     )
     lens: LensConfig | None = Field(default=None, description="depth of field, on paths; absent = all is in focus")
+    tracking: TrackingConfig | None = Field(
+        default=None, description="a tracker tells where the viewer's eye is; absent = it stays at `eye`"
+    )
     path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
     refresh_hz: RefreshRate = Field(default=60.0, description="images shown a second")
     prediction: Literal["velocity", "none"] = Field(

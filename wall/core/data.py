@@ -7,7 +7,7 @@ Frames: *panel pixels* have their origin at the panel's top left corner, x right
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -149,6 +149,8 @@ class Camera:
 
     position: tuple[float, float, float]  # world units, float64
     world_from_wall: tuple[float, ...]  # 9 numbers, row major rotation
+    eye: tuple[float, float, float] = (0.0, 0.0, 0.0)  # from the view's own eye to where a tracker has it, metres,
+    # wall frame, numbers that float32 holds; `position` is where it really is
 
     @classmethod
     def of(cls, position: Float64, rotation: Float64) -> Camera:
@@ -163,6 +165,18 @@ class Camera:
     def origin(self) -> Float64:
         """(3,) the eye's position, world units."""
         return np.array(self.position, dtype=np.float64)
+
+    def tracked(self, eye: tuple[float, float, float], scale: float) -> Camera:
+        """This camera seen by an eye elsewhere before the same wall; the same object where that is where it is.
+
+        `eye`: from the view's own, metres, wall frame, rounded to float32; `scale`: world units a metre of the wall.
+        """
+        x, y, z = np.array(eye, np.float32).tolist()
+        if (x, y, z) == self.eye:
+            return self
+        shift = scale * (np.array((x, y, z)) - np.array(self.eye))
+        position = tuple((self.origin() + self.rotation() @ shift).tolist())
+        return replace(self, position=position, eye=(x, y, z))
 
 
 MOST_SAMPLES = "sampling.samples_per_pixel"  # the parameter that no sample depends on

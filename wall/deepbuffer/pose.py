@@ -119,7 +119,7 @@ class Poses:
 
 def same_camera(event: Posed, shown: Event | None) -> bool:
     """Whether samples were traced from where the image is seen: what they hit is visible in it, unless objects move."""
-    if shown is None or event.camera.position != shown.camera.position:
+    if shown is None or (event.camera.position, event.camera.eye) != (shown.camera.position, shown.camera.eye):
         return False
     turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
     return max(abs(a - b) for a, b in turned) < SAME_TURN

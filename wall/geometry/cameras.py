@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wall.config.loading import Loaded, nearest
 from wall.config.views import KeyframesPathConfig, OrbitPathConfig, PathConfig
-from wall.core.data import Camera, Event, Float32, Float64
+from wall.core.data import STILL, Camera, Event, Float32, Float64
 from wall.geometry.curves import catmull_rom
 from wall.geometry.eyes import default_eye as default_eye
 from wall.geometry.eyes import eye_of, standing_eye
@@ -105,6 +105,14 @@ class View:
         offset: Float64 = (self.eye_of(panel) - self.eye) * self.scale
         return offset
 
+    def seen(self, event: Event, panel: Panel) -> Event:
+        """The event as the eye sees it that looks at a panel. A panel's own eye stays where it is, tracked or not."""
+        tracked = event.camera.eye
+        if panel.config.eye is None or not any(tracked):
+            return seen_from(event, self.offset(panel))
+        seen = seen_from(event, self.offset(panel) - self.scale * np.array(tracked))
+        return replace(seen, camera=replace(seen.camera, eye=STILL.eye))
+
 
 def seen_from(event: Event, offset: Float64) -> Event:
     """The event as an eye sees it that stands `offset` (3,) from the camera: world units, wall frame.
@@ -114,7 +122,8 @@ def seen_from(event: Event, offset: Float64) -> Event:
     if not offset.any():
         return event
     rotation = event.camera.rotation()
-    seen = replace(event, camera=Camera.of(event.camera.origin() + rotation @ offset, rotation))
+    camera = Camera.of(event.camera.origin() + rotation @ offset, rotation)
+    seen = replace(event, camera=replace(camera, eye=event.camera.eye))
     if isinstance(seen, MovingEvent):
         turn, shift = np.array(seen.twist[:3]), np.array(seen.twist[3:])
         return replace(seen, twist=(*turn.tolist(), *(shift + np.cross(turn, offset)).tolist()))
@@ -130,13 +139,13 @@ class PanelView:
     def __init__(self, view: View, panel: Panel) -> None:
         """`eye` becomes (3,) metres, wall frame."""
         self.eye = view.eye_of(panel)
-        self._offset = view.offset(panel)
+        self._view, self._panel = view, panel
         self._newest: tuple[Event, Event] | None = None
 
     def __call__(self, event: Event) -> Event:
         """The event with its camera moved to the panel's eye."""
         if self._newest is None or self._newest[0] is not event:
-            self._newest = (event, seen_from(event, self._offset))
+            self._newest = (event, self._view.seen(event, self._panel))
         return self._newest[1]
 
 

@@ -19,7 +19,7 @@ def ray_frame(panel: Panel, eye: ArrayLike, camera: Camera) -> Float64:
     Parameters
     ----------
     panel : with (X, Y) = panel.screen
-    eye : (3,) metres, wall frame
+    eye : (3,) metres, wall frame; a tracked one is where the camera says, from there
     camera : its position is where the eye is in the world
 
     Returns
@@ -31,7 +31,8 @@ def ray_frame(panel: Panel, eye: ArrayLike, camera: Camera) -> Float64:
     """
     rotation = camera.rotation()
     plane = panel.plane
-    window = np.array([plane.origin - np.asarray(eye, dtype=np.float64), plane.per_x, plane.per_y])
+    away = plane.origin - np.asarray(eye, dtype=np.float64) - np.array(camera.eye)
+    window = np.array([away, plane.per_x, plane.per_y])
     frame: Float64 = np.ascontiguousarray((rotation @ window.T).T)
     return frame
 

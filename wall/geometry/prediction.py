@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wall.core.data import Camera, Event, Float64
+from wall.core.data import STILL, Camera, Event, Float64
 from wall.geometry.moving import MovingEvent
 from wall.geometry.twist import between, moved
 
@@ -59,9 +59,13 @@ class Foresight(NamedTuple):
 class Predictor:
     """`take` every event in its order, `at` every refresh. Without prediction it gives the newest event."""
 
-    def __init__(self, delay: float, *, on: bool = True, moving: bool = False) -> None:
-        """`delay`: seconds from a refresh to its light; `moving`: tell how what is expected goes on: MovingEvent."""
-        self._delay, self._on, self._moving = delay, on, moving
+    def __init__(self, delay: float, *, on: bool = True, moving: bool = False, scale: float = 1.0) -> None:
+        """`delay`: seconds from a refresh to its light; `moving`: tell how what is expected goes on: MovingEvent.
+
+        `scale`: world units a metre of the wall. A tracked eye comes predicted already, so that it stays before the
+        wall where it is, and only the wall's motion in the world goes on.
+        """
+        self._delay, self._on, self._moving, self._scale = delay, on, moving, scale
         self._event: Event | None = None
         self._scene_runs = False
         self._inputs: deque[Input] = deque(maxlen=REMEMBERED)
@@ -81,7 +85,7 @@ class Predictor:
             self._start(event)
             return
         self._scene_runs = not event.paused and event.scene_time != last.scene_time
-        if event.camera != last.camera:
+        if self._wall(event) != self._wall(last):
             self._add(event)
 
     def at(self, now: float, later: float = 0.0) -> Event:
@@ -121,7 +125,11 @@ class Predictor:
         self._foresights.clear()
         self._agreement[:] = self._energy[:] = 0.0
         if _finite(event):
-            self._inputs.append(Input(event.input_time, event.camera))
+            self._inputs.append(Input(event.input_time, self._wall(event)))
+
+    def _wall(self, event: Event) -> Camera:
+        """The event's camera with the eye that is not tracked, which moves with the wall."""
+        return event.camera.tracked(STILL.eye, self._scale)
 
     def _add(self, event: Event) -> None:
         """Takes an input whose camera moved; starts anew after a pause or a jump back in time."""
@@ -132,9 +140,9 @@ class Predictor:
         if len(inputs) > 1 and inputs[-1].time - inputs[-2].time < SPACING_S:
             inputs.pop()
         if event.input_time > inputs[-1].time:
-            inputs.append(Input(event.input_time, event.camera))
+            inputs.append(Input(event.input_time, self._wall(event)))
         else:
-            inputs[-1] = Input(event.input_time, event.camera)
+            inputs[-1] = Input(event.input_time, self._wall(event))
 
     def _camera(self, now: float, moment: float) -> tuple[Camera, Float64]:
         """The camera at `moment`, the very one of the newest event where it rests, and its twist (6,) a second."""
@@ -149,7 +157,14 @@ class Predictor:
         if not self._foresights or moment >= self._foresights[-1].moment + JUDGED_S:
             self._foresights.append(Foresight(moment, newest.camera, twist))
         trusted = twist * self._trust(twist)
-        return moved(newest.camera, trusted), trusted / ahead if ahead > 0.0 else trusted
+        camera = moved(newest.camera, trusted).tracked(self._event.camera.eye, self._scale)
+        return camera, self._of_eye(trusted / ahead if ahead > 0.0 else trusted)
+
+    def _of_eye(self, twist: Float64) -> Float64:
+        """(6,) a twist of the wall as one of the tracked eye, which is farther from the axis, or nearer to it."""
+        assert self._event is not None
+        away = self._scale * np.array(self._event.camera.eye)
+        return np.concatenate([twist[:3], twist[3:] + np.cross(twist[:3], away)]) if away.any() else twist
 
     def _speed(self, now: float) -> Float64:
         """(6,) twist a second between the newest two inputs; nothing after a cut, less and less in silence."""

@@ -8,6 +8,7 @@ SE(3) as in Murray, Li and Sastry, "A Mathematical Introduction to Robotic Manip
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,7 +31,8 @@ def moved(camera: Camera, twist: Float64) -> Camera:
     if not twist.any():
         return camera
     turn, old = twist[:3], camera.rotation()
-    return Camera.of(camera.origin() + old @ (_mean_turn(turn) @ twist[3:]), old @ rotation_by(turn))
+    there = Camera.of(camera.origin() + old @ (_mean_turn(turn) @ twist[3:]), old @ rotation_by(turn))
+    return replace(there, eye=camera.eye)
 
 
 def rotation_by(turn: Float64) -> Float64:

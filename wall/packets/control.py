@@ -15,11 +15,11 @@ import zlib
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, TypeAlias
 
-from wall.core.data import Camera, Event, StatisticsImage
+from wall.core.data import Event, StatisticsImage
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.edits import edits_body, parse_edits
 from wall.packets.framelets import HEAD as PART_HEAD
-from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
+from wall.packets.framelets import FrameletPart, camera_of, is_plain, parse_part, part_head, pose_numbers
 from wall.packets.notes import LEVELS, Note
 from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
@@ -41,7 +41,7 @@ MAX_COMMANDS = 64  # of a WindowInput; more go in several
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
-_EVENT = struct.Struct("<HQQdd3d9dB31p31pBdQ")  # then the edits
+_EVENT = struct.Struct("<HQQdd3d9d3fB31p31pBdQ")  # then the edits
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
@@ -310,7 +310,7 @@ def _event_body(event: Event) -> bytes:
         raise LocalProtocolError(f"sampler name {event.sampler!r} or {event.compare!r} is longer than 30 bytes")
     return _EVENT.pack(
         event.view, event.camera_event, event.scene_event, event.scene_time, event.input_time,
-        *event.camera.position, *event.camera.world_from_wall, event.paused, sampler, compare,
+        *pose_numbers(event.camera), event.paused, sampler, compare,
         event.statistics, event.exposure, event.edits.number,
     ) + edits_body(event.edits)  # fmt: skip
 
@@ -333,7 +333,7 @@ def _parse_event(body: bytes) -> Event:
         raise RemoteProtocolError(f"event {camera_event}/{scene_event}: sampler name is not text") from error
     return Event(
         view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=input_time,
-        camera=Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:])), sampler=names[0], paused=bool(paused),
+        camera=camera_of(pose), sampler=names[0], paused=bool(paused),
         compare=names[1], statistics=bool(statistics), exposure=stops, edits=parse_edits(edit, body[_EVENT.size :]),
     )  # fmt: skip
 

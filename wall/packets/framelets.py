@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import lz4.block
@@ -19,7 +20,7 @@ from wall.core.data import CHANNELS, TRIPLES, Camera, Channels, Event, Framelet,
 from wall.core.errors import RemoteProtocolError
 from wall.packets.kernels import byte_planes as kernels_bytes
 
-HEAD = struct.Struct("<HHiiIIBBHHqqddI3d9d")
+HEAD = struct.Struct("<HHiiIIBBHHqqddI3d9d3f")
 MAX_AREA = 1 << 25  # pixels: 8K UHD
 MAX_RAW = 1 << 23  # bytes of one part before compression: it fits a message, whatever they are
 LZ4_LARGEST_RATIO = 255  # lz4 cannot expand more: a few bytes cannot ask for a large buffer
@@ -117,12 +118,24 @@ def part_head(part: FrameletPart) -> bytes:
     event, r = part.event, part.rect
     channels = sum(1 << k for k, name in enumerate(CHANNELS) if name in part.channels)
     flags = ENCODED * part.encoded | COMPARED * part.compared | POSED * (event is not None) | PLAIN * part.plain
-    pose = (*event.camera.position, *event.camera.world_from_wall) if event else (0.0,) * 12
+    pose = pose_numbers(event.camera) if event else (0.0,) * 15
     numbers = (event.camera_event, event.scene_event, event.scene_time) if event else (0, 0, 0.0)
     return HEAD.pack(
         part.step, part.view, r.x, r.y, r.width, r.height, channels, flags, part.index, part.count, *numbers,
         part.refreshed_at, len(part.data), *pose,
     )  # fmt: skip
+
+
+def pose_numbers(camera: Camera) -> tuple[float, ...]:
+    """The 15 numbers of a camera: position, rotation, tracked eye."""
+    return (*camera.position, *camera.world_from_wall, *camera.eye)
+
+
+def camera_of(numbers: Sequence[float]) -> Camera:
+    """The camera of its 15 numbers."""
+    x, y, z, *turn = numbers[:12]
+    across, up, towards = numbers[12:]
+    return Camera(position=(x, y, z), world_from_wall=tuple(turn), eye=(across, up, towards))
 
 
 def is_plain(head: bytes) -> bool:
@@ -152,7 +165,7 @@ def parse_part(head: bytes, data: bytes | memoryview) -> FrameletPart:
         raise RemoteProtocolError(f"framelet of step {step}: {width}x{height} with {length} bytes is out of range")
     event = None
     if flags & POSED:
-        camera = Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:]))
+        camera = camera_of(pose)
         event = Event(
             view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time,
             input_time=refreshed_at, camera=camera,

@@ -24,14 +24,14 @@ from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 
 __all__ = ["HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
-MAGIC, VERSION, KIND_SAMPLES = b"WALL", 7, 1
+MAGIC, VERSION, KIND_SAMPLES = b"WALL", 8, 1
 PLAIN, COMPACT = 0, 1  # layouts of the body
 MAX_SAMPLES = 65536  # of one packet
 MAX_NUMBER = (1 << 60) - 1  # of events, frames and edits: no run ever counts as far, and sums of them fit 64 bits
 MAX_EDGE = 4096  # pixels of a rectangle: leaves 2 sub-pixel bits of 14
 LARGEST_DEPTH_BASE, DEPTH_BITS_RANGE = 254, (8, 15)  # float32 exponent, mantissa bits
 
-_HEADER = struct.Struct("<4sBBBBHHHHBBHHHHQQQdffQIIIIId3d4dQ")
+_HEADER = struct.Struct("<4sBBBBHHHHBBHHHHQQQdffQIIIIId3d4d3fQ")
 _CHECKSUM = struct.Struct("<I")
 RANK_AT = 14  # offset in the header
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
@@ -111,7 +111,7 @@ def encode(batch: Batch, codec: Codec = Codec.NONE, counters: Counter[str] | Non
     counts = batch.camera_event, batch.scene_event, batch.frame, batch.edits.number
     if not 0 <= min(counts) <= max(counts) <= MAX_NUMBER:
         raise LocalProtocolError(f"{where}: event, frame, edit {counts}: a number does not fit its field of the header")
-    if not all(map(math.isfinite, (batch.scene_time, *batch.camera.position))):
+    if not all(map(math.isfinite, (batch.scene_time, *batch.camera.position, *batch.camera.eye))):
         raise LocalProtocolError(f"{where}: scene time {batch.scene_time}, {batch.camera}; wanted finite numbers")
     try:
         header = _HEADER.pack(
@@ -119,7 +119,7 @@ def encode(batch: Batch, codec: Codec = Codec.NONE, counters: Counter[str] | Non
             rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
             batch.base_time, span, batch.blend, batch.frame, batch.frame_samples, batch.skipped, n, objects,
             len(data), batch.scene_time, *batch.camera.position, *quaternion_of(batch.camera.world_from_wall),
-            batch.edits.number,
+            *batch.camera.eye, batch.edits.number,
         )  # fmt: skip
     except struct.error as error:
         raise LocalProtocolError(f"{where}: a number does not fit its field of the header ({error})") from error
@@ -137,8 +137,8 @@ def decode(data: bytes | memoryview) -> Batch:
     fields = _HEADER.unpack_from(data)
     magic, version, kind, codec, layout, channels, view, panel, rank, base, bits, x, y, width, height = fields[:15]
     sequence, camera_event, scene_event, base_time, span, blend, frame, frame_samples, skipped, n = fields[15:25]
-    objects, length, scene_time, position, quaternion, edit = *fields[25:28], fields[28:31], fields[31:35], fields[35]
-    where = f"rank {rank} packet {sequence}"
+    objects, length, scene_time, position, quaternion, edit = *fields[25:28], fields[28:31], fields[31:35], fields[38]
+    eye, where = fields[35:38], f"rank {rank} packet {sequence}"
     if magic != MAGIC or version != VERSION or kind != KIND_SAMPLES:
         raise RemoteProtocolError(f"not a sample packet of version {VERSION}: starts with {bytes(data[:6])!r}")
     if length != len(data) - HEADER_BYTES:
@@ -159,8 +159,8 @@ def decode(data: bytes | memoryview) -> Batch:
         raise RemoteProtocolError(
             f"{where}: event {camera_event}/{scene_event}, frame {frame}, edit {edit}: above {MAX_NUMBER}"
         )
-    if not all(map(math.isfinite, (scene_time, *position))) or not is_unit(quaternion):
-        raise RemoteProtocolError(f"{where}: scene time {scene_time}, pose {position} {quaternion}: out of range")
+    if not all(map(math.isfinite, (scene_time, *position, *eye))) or not is_unit(quaternion):
+        raise RemoteProtocolError(f"{where}: scene time {scene_time}, pose {position} {quaternion} {eye}: out of range")
     if not _fits(layout, channels):
         raise RemoteProtocolError(
             f"{where}: channels {channels:#x} in layout {layout}, bits {channels & ~int(KNOWN):#x} of them not known; "
@@ -199,7 +199,7 @@ def decode(data: bytes | memoryview) -> Batch:
         frame_samples=frame_samples,
         skipped=skipped,
         blend=blend,
-        camera=Camera(position=position, world_from_wall=rotation_of(quaternion)),
+        camera=Camera(position=position, world_from_wall=rotation_of(quaternion), eye=eye),
         scene_time=scene_time,
         adaptive=layout == COMPACT,
         relightable=channels == RELIGHTABLE,

@@ -12,6 +12,7 @@ from wall.core.data import NO_EDITS, Camera, Edits, Event
 from wall.geometry.steering import Command, Steering
 from wall.roles.plan import Plan, exposure_at, first_event
 from wall.roles.status import samplers_of
+from wall.roles.tracking import Tracker
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own image
 
@@ -35,6 +36,7 @@ class Director:
         self.sampler: str = plan.layout.sampling_of(view).method
         self.compare = ""  # with the adaptive sampler, whichever `sampler` is
         self.statistics = False
+        self.tracker = Tracker(plan, view)
         self.event = first_event(plan, now, view)
         if before is not None:
             self._go_on_from(before)
@@ -46,10 +48,12 @@ class Director:
         old, new = before._view, self._view
         if (old.still, old.path) == (new.still, new.path):
             self._steering = before._steering
+        if before.tracker.key == self.tracker.key:
+            self.tracker = before.tracker
         configured = before._plan.layout.sampling_of(before.view).method
         if configured == self.sampler and before.sampler in samplers_of(self._plan):
             self.sampler = before.sampler
-        self.event = replace(self.event, camera=self._camera(), scene_time=self._scene_time, paused=self.paused)
+        self.event = replace(self.event, camera=self.wall_camera(), scene_time=self._scene_time, paused=self.paused)
 
     def update(self, commands: list[Command], now: float, edits: Edits = NO_EDITS, stops: float | None = None) -> bool:
         """Apply what came in until `now`, with the edits of the scene. Returns whether there is a new event.
@@ -63,7 +67,7 @@ class Director:
         self._last = now
         for command in commands:
             self._apply(command)
-        camera = self._camera()
+        camera = self.wall_camera().tracked(self.tracker.eye(now), self._view.scale)
         scene_time = self._scene_time if self._plan.scene.animated else 0.0
         old = self.event
         sampler = COMPARED_WITH if self.compare else self.sampler
@@ -107,9 +111,10 @@ class Director:
         """The view that steering of this one steers: its own, or the one that it follows."""
         return self.view if self._leader is None else self._leader.steered
 
-    def _camera(self) -> Camera:
+    def wall_camera(self) -> Camera:
+        """The camera of an eye that is not tracked."""
         if self._leader is not None:
-            return self._leader.event.camera
+            return self._leader.wall_camera()
         return self._steering.camera() if self._steering else self._view.camera_at(self._path_time)
 
     def _apply(self, command: Command) -> None:

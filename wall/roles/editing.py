@@ -20,6 +20,7 @@ from wall.config.sampling import LARGEST_STAGE, ProgressiveSampling
 from wall.core.data import MOST_SAMPLES, NO_EDITS, Edits, Event
 from wall.core.errors import EditError
 from wall.display.base import ParameterState
+from wall.geometry.steering import Command
 from wall.packets.control import ALL_BUT_OBJECTS, MAX_ANSWER_BYTES, EditAnswer, EditRequest
 from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.roles.clicks import Clicks
@@ -101,6 +102,20 @@ class Editor:
             self._newest = names, now
             self._count += 1
         self.edits, self.stops = new, stops
+
+    def apply(self, command: Command, events: Sequence[Event], now: float) -> bool:
+        """Do what a viewer's command edits, `events` being shown. Returns whether it edits. Raises EditError."""
+        if command.kind == "set":
+            self.set([(command.value, command.numbers)], now)
+        elif command.kind == "expose":
+            self.expose(command.x, events[0].scene_time, now)
+        elif command.kind == "undo":
+            self.undo()
+        elif command.kind == "focus":
+            self.focus(events, command.x, command.y)
+        else:
+            return False
+        return True
 
     def undo(self, steps: int = 1) -> None:
         """Take back so many edits, or what is left of them. Raises EditError where there is none."""

@@ -123,7 +123,26 @@ class Changed:
     path: str
 
 
-Input: TypeAlias = Message | Packet | Dropped | Traced | Presented | Died | End | PlanMade | Changed
+@dataclass(frozen=True, slots=True)
+class TrackerPacket:
+    """A packet came from a tracker's machine."""
+
+    port: int  # of ours, that it came to
+    source: str  # IP address
+    data: bytes
+    time: float  # when it came, seconds of the head's clock
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerStrangers:
+    """Packets came to a tracker's port from machines that are no tracker's."""
+
+    count: int
+
+
+Input: TypeAlias = (
+    TrackerPacket | TrackerStrangers | Message | Packet | Dropped | Traced | Presented | Died | End | PlanMade | Changed
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,6 +33,8 @@ from wall.roles.instructions import (
     Packet,
     PlanMade,
     Send,
+    TrackerPacket,
+    TrackerStrangers,
 )
 from wall.roles.membership import Register
 from wall.roles.plan import HEAD, Plan, window_ranks
@@ -180,6 +182,10 @@ class Manager:
                     self._reloading.forget(message.rank)
             elif isinstance(message, End):
                 self.ended = self.ended or message.reason
+            elif isinstance(message, TrackerPacket):
+                self.counters.update(filter(None, [director.tracker.take(message) for director in self._directors]))
+            elif isinstance(message, TrackerStrangers):
+                self.counters["tracker_stranger"] += message.count
             elif isinstance(message, Packet):
                 self.counters["stray_packet"] += 1
         except RemoteProtocolError:
@@ -211,21 +217,11 @@ class Manager:
         for command in message.commands:
             try:
                 parsed = parse(command)
-                if parsed.kind == "set":
-                    self.editor.set([(parsed.value, parsed.numbers)], now)
-                    self._edited = True
-                elif parsed.kind == "expose":
-                    self.editor.expose(parsed.x, self._shown_event.scene_time, now)
+                if self.editor.apply(parsed, self.events, now):
                     self._edited = True
                 elif parsed.kind == "select":
                     name = self.editor.clicks.object_at(self.events, parsed.x, parsed.y)
                     self._selection = replace(self._selection, name=name)
-                elif parsed.kind == "undo":
-                    self.editor.undo()
-                    self._edited = True
-                elif parsed.kind == "focus":
-                    self.editor.focus(self.events, parsed.x, parsed.y)
-                    self._edited = True
                 else:
                     self._commands.append(parsed)
                     if parsed.kind == "bookmark":

@@ -361,7 +361,7 @@ def make_predictor(plan: Plan, view: int) -> Predictor:
     """What a compositor foresees the refreshes of a view with."""
     shown, scanned = plan.views[view], plan.layout.wall.scanned(view)
     predicted = shown.predicted and plan.layout.graph.sync == "none"
-    return Predictor(shown.display_delay_s, on=predicted, moving=scanned is not None)
+    return Predictor(shown.display_delay_s, on=predicted, moving=scanned is not None, scale=shown.scale)
 
 
 def first_event(plan: Plan, now: float, view: int = 0) -> Event:

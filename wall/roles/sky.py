@@ -8,6 +8,7 @@ from wall.compositing.executor import Regions
 from wall.compositing.graph import Step
 from wall.config.graph import SkyNode
 from wall.core.data import Camera, Event
+from wall.geometry.cameras import PanelView
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.channels import blank_framelet, show_sky
 from wall.roles.plan import Plan
@@ -20,7 +21,7 @@ class SkyLayer:
     def __init__(self, plan: Plan, step: Step) -> None:
         assert isinstance(step.node, SkyNode)
         self._plan, self._panel = plan, plan.layout.wall.panel(step.node.panel)
-        self.view = self._panel.view
+        self.view, self._panel_view = self._panel.view, PanelView(plan.view_of(self._panel), self._panel)
         self.framelet = blank_framelet(self._panel, step.channels, encoded=step.encoded, order=step.order)
         self._shown: tuple[Camera, Sky, float, float] | None = None
 
@@ -29,13 +30,19 @@ class SkyLayer:
         shading, shown = self._plan.scene.shading(event.scene_time, event.edits), self._shown
         news = shading.sky, shading.environment_strength, event.exposure
         same = shown is not None and shown[1:] == news
-        if same and shown is not None and shown[0].world_from_wall == event.camera.world_from_wall:
+        camera = self._panel_view(event).camera
+        if same and shown is not None and _turned_alike(camera, shown[0]):
             return []  # it is the same from everywhere
-        self._shown = event.camera, *news
-        frame = ray_frame(self._panel, self._plan.view_of(self._panel).eye_of(self._panel), event.camera)
+        self._shown = camera, *news
+        frame = ray_frame(self._panel, self._panel_view.eye, camera)
         corner, environment = np.array(self._panel.screen, np.float64), self._plan.scene.environment
         show_sky(
             shading.sky, environment, frame, corner, self.framelet,
             stops=event.exposure, strength=shading.environment_strength,
         )  # fmt: skip
         return [self.framelet.rect]
+
+
+def _turned_alike(camera: Camera, shown: Camera) -> bool:
+    """Whether two cameras see the same directions in every pixel."""
+    return (camera.world_from_wall, camera.eye) == (shown.world_from_wall, shown.eye)

@@ -7,7 +7,6 @@ import numpy as np
 from wall.compositing.kernels import timewarp as kernels
 from wall.core.data import BLANK, Event, Framelet, Rect
 from wall.deepbuffer.pose import Pose
-from wall.geometry.cameras import seen_from
 from wall.roles.plan import Plan
 
 
@@ -62,6 +61,6 @@ class Timewarp:
         panel = self._plan.layout.wall.viewports[index]
         within = Rect(x=rect.x - panel.screen[0], y=rect.y - panel.screen[1], width=rect.width, height=rect.height)
         view = self._plan.view_of(panel)
-        event = seen_from(event, view.offset(panel))
+        event = view.seen(event, panel)
         moment = self._plan.scene.at(event.scene_time, event.edits)
         return Pose.of(panel, view.eye_of(panel), event.camera, moment.world_from_object, rect=within)

@@ -36,6 +36,7 @@ from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, told_again, ways_of
 from wall.run.sinks import distinct, make_metrics_server, make_sinks, notes_of, save_images, window_input_of
 from wall.run.succession import FileWatch, Preparer
+from wall.run.tracker_input import TrackerInput
 from wall.run.usage import cpu_seconds
 from wall.transport.factory import LOOPBACK
 from wall.transport.shared_memory import machine_id
@@ -112,6 +113,8 @@ class HeadProcess:
 
     def _run(self, closing: Closing, say: Say, opened: Say) -> None:
         plan, options, clock = self._plan, self._options, self._clock
+        trackers = TrackerInput(lambda: self._manager.plan if self._manager is not None else plan, clock, say)
+        closing.later(trackers.close)
         key, keys = new_key(), self._bootstrap.keys
         control = open_data_hub(plan, None if keys is None else keys.with_guests(key))
         manager_ways = Ports(MANAGER, clock, hub=control)
@@ -167,7 +170,7 @@ class HeadProcess:
 
         closing.callback(tell)
         sources: list[Source] = [
-            window_input_of(HEAD, sinks), self._take_ends, self._deaths, self._preparer.news, tell,
+            window_input_of(HEAD, sinks), self._take_ends, self._deaths, self._preparer.news, trackers.receive, tell,
         ]  # fmt: skip
         if options.watch:
             sources.append(FileWatch(plan.layout.loaded.path).changes)

@@ -63,6 +63,7 @@ RANKS = {
     "sampler_frameless": 3,
     "sampler_hilbert": 3,
     "samples_in_page": 3,
+    "tracked": 3,
     "two_by_two": 9,
     "two_compositors": 5,
     "two_panels": 3,

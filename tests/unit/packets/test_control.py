@@ -220,7 +220,7 @@ def test_any_value_of_any_event_byte_under_a_valid_checksum_is_refused_or_finite
 def framelet_of(size: tuple[int, int], raw: bytes) -> bytes:
     """Display bytes that claim a rectangle of some size."""
     data = lz4.block.compress(raw, store_size=False)
-    head = HEAD.pack(0, 0, 0, 0, *size, 1, 1, 0, 1, 0, 0, 0.0, 0.0, len(data), *[0.0] * 12)
+    head = HEAD.pack(0, 0, 0, 0, *size, 1, 1, 0, 1, 0, 0, 0.0, 0.0, len(data), *[0.0] * 15)
     return sealed(control.KIND_FRAMELET, head + data)
 
 

@@ -132,8 +132,8 @@ def test_the_number_of_early_packets_is_the_document_s() -> None:
 def test_the_header_s_byte_table_reads_the_example() -> None:
     data = dumped("samples")
     fields = read(table("## Sample packets"), data)
-    assert fields["size"] == HEADER_BYTES == 170
-    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 7, 1, 0)
+    assert fields["size"] == HEADER_BYTES == 182
+    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 8, 1, 0)
     assert (fields["layout"], fields["channels"], fields["objects"]) == (0, WITH_SURFACE, 0)
     assert {name: fields[name] for name in EXAMPLE["header"]} == EXAMPLE["header"]
     assert {name: fields[name] for name in EXAMPLE["rect"]} == EXAMPLE["rect"]
@@ -154,15 +154,15 @@ def test_the_control_header_s_table_reads_the_ping() -> None:
 
 
 def test_the_event_table_reads_an_event() -> None:
-    camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9)))
+    camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(map(float, range(9))), eye=(0.5, 0.25, -2.0))
     event = Event(
         view=1, camera_event=2, scene_event=3, scene_time=4.5, input_time=5.5, camera=camera, sampler="hilbert",
         paused=True, compare="framed", statistics=True, exposure=-1.5, edits=Edits(7, (("exposure", (2.0, 3.0)),)),
     )  # fmt: skip
     body = control.serialise(event)[control.HEADER_BYTES :]
     fields = read(table("Event (numbers finite"), body)
-    assert fields.pop("size") == 210
-    assert body[210:] == b"\x08exposure\x02" + struct.pack("<2d", 2.0, 3.0)
+    assert fields.pop("size") == 222
+    assert body[222:] == b"\x08exposure\x02" + struct.pack("<2d", 2.0, 3.0)
     words = {"sampler": b"hilbert", "paused": 1, "compare": b"framed", "statistics": 1}
     wanted = asdict(event) | camera_fields(camera) | words
     wanted["edit"] = wanted.pop("edits")["number"]
@@ -171,19 +171,19 @@ def test_the_event_table_reads_an_event() -> None:
 
 
 def camera_fields(camera: Camera) -> dict[str, Any]:
-    return {"position": camera.position, "world_from_wall": camera.world_from_wall}
+    return {"position": camera.position, "world_from_wall": camera.world_from_wall, "eye": camera.eye}
 
 
 def test_the_framelet_table_reads_a_framelet() -> None:
     rect = Rect(x=-5, y=6, width=7, height=8)
-    camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9)))
+    camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(map(float, range(9))), eye=(0.5, 0.25, -2.0))
     event = Event(view=3, camera_event=9, scene_event=10, scene_time=2.5, input_time=0.0, camera=camera)
     framelet = Framelet.blank(rect, frozenset({"colour", "depth", "time"}), encoded=True)
     framelet.event, framelet.refreshed_at = event, 4.5
     part = replace(FrameletPart.of(4, framelet, rect, compared=True), index=1, count=3)
     body = control.serialise(part)[control.HEADER_BYTES :]
     fields = read(table("Framelet, a rectangle"), body)
-    assert fields.pop("size") == 158 == len(body) - len(part.data)
+    assert fields.pop("size") == 170 == len(body) - len(part.data)
     channels = 1 << CHANNELS.index("colour") | 1 << CHANNELS.index("depth") | 1 << CHANNELS.index("time")
     numbers = {"camera_event": 9, "scene_event": 10, "scene_time": 2.5, "refreshed_at": 4.5}
     flags = {"channels": channels, "flags": ENCODED | COMPARED | POSED}

@@ -98,10 +98,11 @@ def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(
         (50, "d", float("nan")), (50, "d", float("inf")), (58, "f", -1.0), (58, "f", float("nan")), (58, "f", 1e6),
         (62, "f", 0.0), (62, "f", 1.5), (62, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
         (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (OBJECTS_AT, "I", 1), (OBJECTS_AT, "I", 2**32 - 1),
-        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 6), (4, "B", 8), (7, "B", 1), (7, "B", 2), (8, "H", 63),
+        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 6), (4, "B", 9), (7, "B", 1), (7, "B", 2), (8, "H", 63),
         (8, "H", 1 << 8 | 31), (94, "d", float("nan")), (102, "d", float("inf")), (126, "d", float("nan")),
         (126, "d", 1.0 + 2e-6), (126, "d", 0.0), (150, "d", 1.0), (150, "d", 1e300), (34, "Q", 2**60),
-        (42, "Q", 2**64 - 1), (66, "Q", 2**60), (158, "Q", 2**60),
+        (42, "Q", 2**64 - 1), (66, "Q", 2**60), (170, "Q", 2**60),
+        (158, "f", float("nan")), (166, "f", float("inf")),
     ],
 )  # fmt: skip
 def test_a_field_out_of_its_range_is_refused_though_the_checksum_fits(offset: int, layout: str, value: float) -> None:

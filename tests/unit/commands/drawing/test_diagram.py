@@ -45,11 +45,11 @@ def edge(shown: Diagram, start: str, end: str) -> Edge:
 
 
 def test_streams_carry_the_samples_of_all_their_ranks(sort_last: Diagram) -> None:
-    """Packets of 1024 samples: 12 bytes each and 170 bytes of header."""
-    of_a_rank = 2e6 * (12 + 170 / 1024)
+    """Packets of 1024 samples: 12 bytes each and 182 bytes of header."""
+    of_a_rank = 2e6 * (12 + 182 / 1024)
     assert edge(sort_last, "a", "fa").bytes_per_s == pytest.approx(of_a_rank)
     assert edge(sort_last, "b", "fb").bytes_per_s == pytest.approx(2 * of_a_rank)
-    assert edge(sort_last, "c", "fc").bytes_per_s == pytest.approx(2e6 * (8 + 170 / 1024))  # colour alone is shown
+    assert edge(sort_last, "c", "fc").bytes_per_s == pytest.approx(2e6 * (8 + 182 / 1024))  # colour alone is shown
 
 
 def test_a_framelet_that_depth_needs_carries_all_that_the_plan_sends(sort_last: Diagram) -> None:
