@@ -9,7 +9,8 @@ import numpy as np
 
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
-from wall.geometry.eyes import panel_path, standing_eye
+from wall.geometry.eyes import eye_of, panel_path, standing_eye
+from wall.geometry.folded_overlaps import folded_overlaps
 from wall.geometry.panels import Overlap, Panel, Wall
 
 SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched image
@@ -121,6 +122,25 @@ def _unaligned(loaded: Loaded, wall: Wall) -> Iterator[str]:
         yield _note(loaded, [second for _, second in found.values()], what)
 
 
+def _folded(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    """Light that is there twice, where nothing can fade out: in planes of their own."""
+    if wall.flat:
+        return
+    for number in range(len(loaded.config.views)):
+        panels = wall.of_view(number).panels
+        if len(panels) < 2:
+            continue
+        eye, separation = standing_eye(loaded, wall.of_view(number), number), loaded.config.views[number].eye_separation
+        found = list(folded_overlaps(panels, np.array([eye_of(panel, eye, separation) for panel in panels])))
+        if found:
+            message = (
+                f"lights {100 * found[0].share:.2g} % of its area where the eye also sees panel {found[0].first.id}, "
+                "which lies in another plane: overlap and blend hold in one plane alone, so there light adds up"
+            )
+            later = list({pair.second.index: pair.second for pair in found}.values())
+            yield _note(loaded, later, message, "corners that meet as the eye sees them")
+
+
 def _one_eyed(loaded: Loaded, wall: Wall) -> Iterator[str]:
     eyes = {panel.shift for panel in wall.panels}
     for one, other, names in ((-0.5, 0.5, ("left", "right")), (0.5, -0.5, ("right", "left"))):
@@ -151,6 +171,7 @@ NOTES: tuple[Question, ...] = (
     _unblended,
     _needless,
     _unaligned,
+    _folded,
     _one_eyed,
     _scattered,
     _tilted,

@@ -146,3 +146,29 @@ def test_note_of_many_panels_names_a_few() -> None:
 def test_pixels_a_percent_from_square_are_square() -> None:
     assert checked(panels(("a", 0.0, ", pixels: [4000, 3020]"))) == ()
     assert len(checked(panels(("a", 0.0, ", pixels: [4000, 3040]")))) == 1
+
+
+NEARER = "lower_left: [0.15, 0, 0.5], lower_right: [0.55, 0, 0.5], upper_left: [0.15, 0.3, 0.5]"
+CORNER = "lower_left: [0.4, 0, 0], lower_right: [0.4, 0, 0.4], upper_left: [0.4, 0.3, 0]"
+REACHING_IN = "lower_left: [0.38, 0, 0], lower_right: [0.38, 0, 0.4], upper_left: [0.38, 0.3, 0]"
+
+
+@pytest.mark.parametrize(
+    ("corners", "share"),
+    [
+        (NEARER, "19 %"),  # half as far: it hides x 0.15 to 0.3, y 0.075 to 0.225 of its 0.4 x 0.3 m
+        (CORNER, ""),
+        (REACHING_IN, "24 %"),  # z to 0.1, y a height of 0.3 (1 - z): 0.3 (0.1 - 0.005) of 0.12 m^2
+    ],
+)
+def test_panels_in_two_planes_that_light_the_same_directions_are_noted(corners: str, share: str) -> None:
+    wall = panels(("a", 0.0, ""), ("b", 9.0, ""))
+    text = f"{HEAD}{wall}\n".replace("{id: main}", "{id: main, eye: [0.2, 0.15, 1]}")
+    text = text.replace("lower_left: [9.0, 0, 0], lower_right: [9.4, 0, 0], upper_left: [9.0, 0.3, 0]", corners)
+    loaded = loads(text, name="a.yaml")
+
+    notes = check_wall(loaded, expand(loaded.config.wall))
+
+    assert len(notes) == bool(share)
+    if share:
+        assert f"panel b: lights {share} of its area where the eye also sees panel a, which lies in" in notes[0]
