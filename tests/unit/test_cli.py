@@ -37,6 +37,7 @@ def test_help_imports_no_command_and_none_of_its_libraries() -> None:
         "wall.cli_peers",
         "wall.cli_plan",
         "wall.cli_render",
+        "wall.cli_tracker",
         "wall.core",
         "wall.core.errors",
         "wall.commands",

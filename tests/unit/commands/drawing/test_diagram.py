@@ -101,7 +101,7 @@ def test_inputs_stand_before_those_who_need_them(sort_last: Diagram) -> None:
 
 
 def test_the_assumption_is_stated(sort_last: Diagram) -> None:
-    assert sort_last.assumptions[0] == "samples: 2 M samples/s a rank, 8.17 or 12.2 bytes each (frameless)"
+    assert sort_last.assumptions[0] == "samples: 2 M samples/s a rank, 8.18 or 12.2 bytes each (frameless)"
     assert "10 a second" in sort_last.assumptions[1]
 
 
