@@ -68,7 +68,7 @@ class Register:
             self.news.append(note_of(death.rank, "info", f"died ({death.how})"))
             self.lost[death.rank] = f"died ({death.how}) after {now - self._began:.1f} s"
         if not death.again:
-            self.news.append(note_of(death.rank, "warning", "is not started again now"))
+            self.news.append(note_of(death.rank, "warning", f"{self.lost[death.rank]}; it is not started again now"))
         self._died.add(death.rank)
         if death.again:
             self._heard[death.rank] = now  # until it is there again it is given as long as at the start

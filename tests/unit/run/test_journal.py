@@ -93,10 +93,12 @@ def test_the_manager_gathers_notes_and_its_page_gets_all_but_those_for_the_log_a
     run = Run(plan_of())
     run.tell(hello(1), note_of(1, "warning", "no GPU"), note_of(7, "error", "a stranger's"))
     sent = run.tell(note_of(1, "error", "no ray"), Died(1, "signal 9"), after=0.1)
-    told = [(note.level, note.text) for note in run.manager.register.take_notes()]
+    *told, last = [(note.level, note.text) for note in run.manager.register.take_notes()]
     assert told == [
         ("info", "takes part, on host1"), ("warning", "no GPU"), ("error", "no ray"), ("info", "died (signal 9)"),
     ]  # fmt: skip
+    assert last[0] == "warning"
+    assert last[1].endswith("; it is not started again now")
     assert [(to, message.text) for to, message in sent if isinstance(message, Note)] == [(HEAD, "no ray")]
     assert run.manager.counters["bad_message"] == 1
     assert run.manager.register.take_notes() == []
