@@ -24,7 +24,6 @@ from wall.deepbuffer.kernels.columns import BEFORE
 from wall.deepbuffer.kernels.doubt import FRESH
 from wall.deepbuffer.kernels.evict import AGES, evict, oldest_kept
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.lights import NO_LIGHTS
 from wall.deepbuffer.pose import Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
@@ -67,7 +66,7 @@ class DeepBuffer:
         self._largest = capacity // 2  # samples inserted at once: a store that is full could not even compare them
         self.store = SampleStore.of(capacity, lit=poses.lit, noisy=noisy)
         self._spare = SampleStore.of(capacity, lit=poses.lit, noisy=noisy)  # what sorting writes to
-        self.history = PixelHistory.of(width, height, detects_change=detects_change, lit=poses.lit, noisy=noisy)
+        self.history = PixelHistory.of(width, height, detects_change=detects_change, noisy=noisy)
         self._tile_starts = np.zeros(self.history.dirty.size + 1, np.int64)
         self._object_starts = np.zeros(objects + 2, np.int64)
         self._ages = np.zeros(AGES, np.int32)
@@ -119,8 +118,7 @@ class DeepBuffer:
         """Take confidence from contradicted samples. Returns (rows, columns) bool, the tiles with such pixels."""
         contradicted = self.history.contradicted.copy()
         if contradicted.any():
-            assert self.poses.pose is not None
-            kernels_change.reject_contradicted(self.store, self.count, self.history, self.poses.pose.lights)
+            kernels_change.reject_contradicted(self.store, self.count, self.history)
         return contradicted
 
     def doubt(self, doubted: NDArray[np.uint8]) -> None:
@@ -223,7 +221,7 @@ class DeepBuffer:
         self.count = kernels_sort.compact(store, 0, ALL_TIMES)
         kernels_accumulation.mark_changed(store, 0, none, history.dirty, history.accumulation)
         kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
-        kernels_change.reject_contradicted(store, 0, history, NO_LIGHTS)
+        kernels_change.reject_contradicted(store, 0, history)
         self.give_back(self.part(history.dirty)[1])
         evict(store, 0, oldest_kept(store, 0, now, self._kept, self._ages))
         kernels_doubt.doubt(store, 0, 0, none, False)

@@ -68,7 +68,6 @@ class PixelHistory(NamedTuple):
     light: Float32  # (h, w, 4) mean of its samples' light, and squared deviations of luminance; (0, 0, 4) if not noisy
     rejection: Float32  # (h, w, 2) share of confidence that older samples lose, and the time before which they do
     rejected_object: NDArray[np.uint32]  # (h, w) object whose samples lose it
-    found_visibility: NDArray[np.uint32]  # (h, w) light visibility mask of the sample that contradicted; see `of`
     temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt_irradiance| that samples find in a tile
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles with a pixel that a sample contradicted
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
@@ -76,10 +75,8 @@ class PixelHistory(NamedTuple):
     arrived: NDArray[np.int32]  # (rows, columns) samples that came since the tile was resolved, see RestSchedule
 
     @classmethod
-    def of(
-        cls, width: int, height: int, *, detects_change: bool, lit: bool = False, noisy: bool = False
-    ) -> PixelHistory:
-        """Of pixels that never had a sample; `found_visibility` is empty unless `lit` and changes are detected."""
+    def of(cls, width: int, height: int, *, detects_change: bool, noisy: bool = False) -> PixelHistory:
+        """Of pixels that never had a sample."""
         tiles = -(-height // TILE), -(-width // TILE)
         return cls(
             nearest=np.full((height, width, 4), -1.0, np.float32),
@@ -88,7 +85,6 @@ class PixelHistory(NamedTuple):
             light=np.zeros((noisy * height, noisy * width, 4), np.float32),
             rejection=np.zeros((height, width, 2), np.float32),
             rejected_object=np.zeros((height, width), np.uint32),
-            found_visibility=np.zeros((lit * detects_change * height, width), np.uint32),
             temporal_gradient=np.zeros(tiles, np.float32),
             contradicted=np.zeros(tiles, np.bool_),
             dirty=np.zeros(tiles, np.bool_),

@@ -16,8 +16,6 @@ from wall.config.scene import OrbitConfig, SpinConfig
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.core.jit import kernel
 from wall.deepbuffer.kernels import lights as kernels_lights
-from wall.deepbuffer.kernels.change import SPARSE, TRUSTED
-from wall.deepbuffer.kernels.columns import WEIGHT
 from wall.deepbuffer.lights import Diffuse, ObjectLights
 from wall.deepbuffer.store import SampleStore
 from wall.packets.kernels.normals import normal_code, normal_of
@@ -296,34 +294,3 @@ def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: Non
 def test_the_sky_and_mirrors_are_not_diffuse() -> None:
     scene = yard(ball=material(0.3, 0.5, 0.9, mirror=0.5))
     assert_array_equal(Diffuse.of(scene).objects, [0, 1, 0])
-
-
-@pytest.mark.parametrize("age", [4.0, 0.1])
-def test_where_samples_are_old_they_take_over_the_shadows_of_new_ones(age: float, compiled_only: None) -> None:
-    """A shadow leaves the floor: new samples in every other column say so, old ones stand between them."""
-    scene, begin, event = yard(), event_at(0, SEEN), event_at(1, SEEN, scene_time=LATER)
-    dim = replace(DIRECTIONAL, irradiance=(1e-4, 1e-4, 1e-4))
-    shadowed = traced(yard(lights=(dim, POINT)), begin, seen=SEEN)
-    shadowed["light_visibility"] &= ~np.uint32(1)
-    shown = image_of(scene, SEEN, detects_change=True)
-    shown.insert(shadowed, START, begin)
-    shown.refresh(begin, START)
-    shown.refresh(event, START + age)
-    weight = shown.buffer.history.sqrt_irradiance[..., WEIGHT].copy()
-    fresh = traced(scene, event, seen=SEEN)
-    shown.insert(fresh[fresh["xy"][:, 0].astype(int) % 2 == 0], START + age, event)
-    shown.refresh(event_at(2, SEEN, scene_time=LATER + 1e-3), START + age + 0.01)
-    store, n = shown.buffer.store, shown.count
-    old = (store.time[:n] < shown.buffer.seconds(START + age / 2))[store.screen_position[2, :n] > 0]
-    found = stored(shown)
-    truth, same = twins(scene, found, event)
-    chosen = old & same & (found.object_id == FLOOR) & (truth["light_visibility"] == EVERY_LIGHT)
-    corrected = (found.hidden & 1) == 0
-    x, y = found.xy.astype(int).T
-    sparse, dense = chosen & (weight[y, x] > TRUSTED) & (weight[y, x] < SPARSE), chosen & (weight[y, x] >= SPARSE)
-    assert sparse.sum() > 20
-    assert dense.any() == (age < 1.0)
-    assert corrected[sparse].mean() > 0.8
-    assert not corrected[dense].any()
-    relit = chosen & corrected
-    assert_allclose(found.radiance[relit], truth["radiance"][relit], rtol=0.02)

@@ -18,13 +18,11 @@ from wall.deepbuffer.kernels.columns import (
     X,
     Y,
 )  # fmt: skip
-from wall.deepbuffer.kernels.lights import relight_sample
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 uint32 = np.uint32  # as indices: no check for negative ones that wrap around
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 TRUSTED = np.float32(0.25)  # weight from which a pixel's own samples say what it shows
-SPARSE = np.float32(0.6)  # weight of a pixel's samples, few and old, below which they take over a new one's shadows
 LEAST_CONFIDENCE = np.float32(0.02)  # a sample with less is rejected
 SMALL_CHANGE = np.float32(0.018)  # of the square root of irradiance: below it, sampling noise
 PER_CHANGE = np.float32(1.0 / 0.06)
@@ -74,13 +72,12 @@ def range_of(irradiance, nearest, i, j, object_id):
 
 
 @inline_kernel
-def mark_contradicted(history, i, j, change, time, object_id, visibility):
+def mark_contradicted(history, i, j, change, time, object_id):
     """Mark the 3x3 pixels around a contradicted one (i, j) for history rejection, less with distance.
 
-    The greatest share of a pixel stays. change : float32, 0..1; time : float32, visibility : uint32, the contradicting
-    sample's
+    The greatest share of a pixel stays. change : float32, 0..1; time : float32, the contradicting sample's
     """
-    rejection, rejected_object, found = history.rejection, history.rejected_object, history.found_visibility
+    rejection, rejected_object = history.rejection, history.rejected_object
     for di in range(max(i - 1, 0), min(i + 2, rejection.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, rejection.shape[1])):
             square = (di - i) * (di - i) + (dj - j) * (dj - j)
@@ -89,26 +86,19 @@ def mark_contradicted(history, i, j, change, time, object_id, visibility):
                 rejection[di, dj, AMOUNT] = amount
                 rejection[di, dj, BEFORE] = time
                 rejected_object[di, dj] = object_id
-                if found.shape[0] > 0:
-                    found[di, dj] = visibility
                 history.contradicted[di // TILE, dj // TILE] = True
 
 
 @kernel
-def reject_contradicted(store, count, history, lights):
+def reject_contradicted(store, count, history):
     """Take confidence from samples of the image's pixels that were contradicted.
-
-    Where samples are few and old, a shadow that moved would leave specks until rays have found all of them. There,
-    samples take over the light visibility of the contradicting one, are lit anew, and lose half as much.
 
     Parameters
     ----------
-    store : SampleStore, screen positions still those of the image that was contradicted; `confidence`, and of samples
-        that are lit anew `light_visibility` and `radiance`, updated
-    count : int, samples stored; history : PixelHistory, see mark_contradicted; lights : ObjectLights
+    store : SampleStore, screen positions still those of the image that was contradicted; `confidence` updated
+    count : int, samples stored; history : PixelHistory, see mark_contradicted
     """
     screen, rejection, rejected_object = store.screen_position, history.rejection, history.rejected_object
-    corrects, found_visibility = history.found_visibility.shape[0] > 0, history.found_visibility
     width, nowhere = uint32(rejection.shape[1]), uint32(rejected_object.size)
     marked = np.zeros(rejected_object.size + 1, np.uint8)
     mark_pixels(history, store.light.shape[0] > 0, marked)
@@ -128,11 +118,6 @@ def reject_contradicted(store, count, history, lights):
             i, j = uint32(screen[Y, k]), uint32(screen[X, k])
             amount, confidence, before = rejection[i, j, AMOUNT], store.confidence[k], rejection[i, j, BEFORE]
             if amount > ZERO and rejected_object[i, j] == store.object_id[k] and store.time[k] < before:
-                sparse = corrects and history.sqrt_irradiance[i, j, WEIGHT] < SPARSE
-                if sparse and store.albedo[0, k] >= ZERO and store.light_visibility[k] != found_visibility[i, j]:
-                    store.light_visibility[k] = found_visibility[i, j]
-                    relight_sample(store, k, lights)
-                    amount *= HALF
                 confidence *= ONE - amount
             store.confidence[k] = confidence if confidence >= LEAST_CONFIDENCE else ZERO
 

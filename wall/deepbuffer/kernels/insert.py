@@ -90,7 +90,7 @@ def insert(samples, offset, pose, panel_from_object, image_rows, store, count, h
                     change = change_of(own, known, rows[ACCUMULATED, r], i, j, object_id, history)
                     sample["change"] = change
                 if change > ZERO:
-                    mark_contradicted(history, i, j, change, time, object_id, sample["light_visibility"])
+                    mark_contradicted(history, i, j, change, time, object_id)
             if rules.shows_event:
                 accumulate(history, i, j, sample)
     return count

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.columns import SQRT_IRRADIANCE, X, Y, Z
+from wall.deepbuffer.kernels.columns import X, Y, Z
 from wall.deepbuffer.kernels.reproject import invert3
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -120,18 +120,6 @@ def unpack_normal(normal):
     y = v - (fold if v >= ZERO else -fold)
     size = ONE / math.sqrt(x * x + y * y + z * z)
     return x * size, y * size, z * size
-
-
-@inline_kernel
-def relight_sample(store, k, lights):
-    """Light sample k of a store anew; its albedo is known. Writes its radiance and square root of irradiance."""
-    px, py, pz = store.position[X, k], store.position[Y, k], store.position[Z, k]
-    visibility, object_id = store.light_visibility[k], int(store.object_id[k])
-    red, green, blue = reflected_light(px, py, pz, store.normal[k], visibility, lights, object_id, lights.sky)
-    a, b, c = store.albedo[0, k], store.albedo[1, k], store.albedo[2, k]
-    red, green, blue, total = a * red, b * green, c * blue, a + b + c
-    store.radiance[k, 0], store.radiance[k, 1], store.radiance[k, 2] = red, green, blue
-    store.radiance[k, SQRT_IRRADIANCE] = math.sqrt(max(red + green + blue, ZERO) / max(total, LEAST_SQUARE))
 
 
 @inline_kernel
