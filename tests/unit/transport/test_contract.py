@@ -327,6 +327,22 @@ def test_closing_twice_leaves_no_thread_and_no_socket(kind: str) -> None:
     assert open_things() == before
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_link_that_comes_after_the_hub_has_closed_has_no_credit_and_raises_nothing(kind: str) -> None:
+    """A rank that starts slowly in a short run meets ranks that have ended."""
+    hub = open_hub(kind, "127.0.0.1", credit_bytes=WINDOW)
+    hub.close()
+    link = connect(hub.endpoint, rank=0)
+    link.send(b"anybody?")
+
+    gave_way = [dropped for number in range(QUEUED_PACKETS + 1) for dropped in link.offer(packet(number))]
+
+    assert gave_way == [packet(0)]
+    assert not link.ready()
+    assert link.receive() == []
+    link.close()
+
+
 def test_closing_without_a_hub_takes_a_bounded_time() -> None:
     hub = open_hub("zmq", "127.0.0.1", credit_bytes=WINDOW)
     hub.close()
