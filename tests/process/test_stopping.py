@@ -60,6 +60,14 @@ def renderers_of(run: subprocess.Popen[str]) -> list[int]:
     return sorted(session_of(run.pid))[1:]
 
 
+def until_part(out: Path, rank: int) -> None:
+    """Wait until a rank is heard; before, it is not noticed when it freezes."""
+    log, limit = out / "log" / f"rank-{rank}.jsonl", time.monotonic() + START_LIMIT_S
+    while not (log.exists() and "takes part" in log.read_text()):
+        assert time.monotonic() < limit, f"rank {rank} takes no part after {START_LIMIT_S} s"
+        wait_a_little()
+
+
 def wait_a_little() -> None:
     signal.sigtimedwait([], 0.05)
 
@@ -184,6 +192,7 @@ def test_frozen_renderer_is_noticed_and_welcomed_back(
     config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
     run = running("run", config, "--headless", "--seconds", 4.5, "--out", tmp_path / "out")
     first, _ = renderers(run)
+    until_part(tmp_path / "out", 1)
 
     os.kill(first, signal.SIGSTOP)
     time.sleep(2.0)  # longer than lost_after_s

@@ -53,10 +53,11 @@ def main(name: str, folder: Path) -> None:
 
 
 def _draw(peer: Peer, held: Held, began: float, job: dict[str, Any], *, ahead: bool, pose: Any) -> None:
-    """Until time is over."""
-    lasts = 0.0
+    """Until time is over; never for a moment before that of the image before, also after one that took long."""
+    lasts = moment = 0.0
     while (now := time.monotonic() - began) < job["seconds"]:
-        image = peer.draw(pose(now + lasts if ahead else now))
+        moment = max(moment, now + lasts) if ahead else now
+        image = peer.draw(pose(moment))
         completed = time.monotonic() - began
         held.take(image, completed)
         lasts = completed - now
