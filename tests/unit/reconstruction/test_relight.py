@@ -45,7 +45,10 @@ def yard(
     lights: tuple[Light, ...] = (DIRECTIONAL, POINT),
     moving: bool = True,
 ) -> Scene:
-    """A floor and a turning ball of flat triangles, under a directional and a point light that travel."""
+    """A floor and a turning ball of flat triangles, under a directional and a point light that travel.
+
+    A small mirror that glows lies far below: the mirrored and the glowing ball need no kernels of their own.
+    """
     floor = replace(instance(0, turn=("x", -90.0)), name="floor")
     turning = Instance(
         name="ball", mesh=1, world_from_object=instance(1, at=(0.4, 1.3, 0.0), scale=scale).world_from_object
@@ -55,11 +58,16 @@ def yard(
         OrbitConfig(type="orbit", light=0, center=(0.0, 0.0, 0.0), period_s=14.0),
         keyframes(POINT.position, (1.5, 2.0, 3.0), light=1),
     )
-    meshes: tuple[Mesh, ...] = (quad(12.0, 12.0, material=0), sphere_mesh(1, segments=10, smooth=False))
+    below = instance(2, at=(0.0, -500.0, 0.0), turn=("x", 90.0), scale=0.1)
+    meshes: tuple[Mesh, ...] = (
+        quad(12.0, 12.0, material=0), sphere_mesh(1, segments=10, smooth=False), quad(1.0, 1.0, material=2)
+    )  # fmt: skip
+    bright = replace(material(*ALBEDOS[0], mirror=0.5), emission=(1e-9, 0.0, 0.0))
     return assemble(
         Source(
-            meshes=meshes, materials=(material(*ALBEDOS[1]), ball or material(*ALBEDOS[2])), instances=(floor, turning),
-            lights=lights, sky=SKY, animation=tracks[: 1 + len(lights)] if moving else (),
+            meshes=meshes, materials=(material(*ALBEDOS[1]), ball or material(*ALBEDOS[2]), bright),
+            instances=(floor, turning, below), lights=lights, sky=SKY,
+            animation=tracks[: 1 + len(lights)] if moving else (),
         )
     )  # fmt: skip
 
@@ -293,4 +301,4 @@ def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: Non
 
 def test_the_sky_and_mirrors_are_not_diffuse() -> None:
     scene = yard(ball=material(0.3, 0.5, 0.9, mirror=0.5))
-    assert_array_equal(Diffuse.of(scene).objects, [0, 1, 0])
+    assert_array_equal(Diffuse.of(scene).objects, [0, 1, 0, 0])
