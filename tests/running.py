@@ -149,6 +149,14 @@ def shown(address: str) -> NDArray[np.int16]:
         time.sleep(0.1)
 
 
+def until_written(path: Path, words: str, limit_s: float) -> None:
+    """Wait until a file that a run writes has these words."""
+    limit = time.monotonic() + limit_s
+    while not (path.exists() and words in path.read_text(encoding="utf-8")):
+        assert time.monotonic() < limit, f"no {words!r} in {path} after {limit_s} s"
+        time.sleep(0.05)
+
+
 def until(address: str, before: NDArray[np.int16], *, changes: bool = True) -> NDArray[np.int16]:
     """The first picture that stands still, and, if it `changes`, differs from `before`."""
     limit, last = time.monotonic() + PICTURE_S, before

@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import os
 import signal
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
-from running import start, wall, write_config
+from running import start, until_written, wall, write_config
 
 ORBIT = ", path: {type: orbit, period_s: 8}"
 KINDS = {"live.jsonl", "wall-0-1cores", "reference"}
@@ -32,13 +30,6 @@ def processes_of(folder: str) -> list[int]:
         if entry.name.isdecimal() and any(folder in word for word in words):
             found.append(int(entry.name))
     return found
-
-
-def until(condition: Callable[[], bool], limit: float) -> None:
-    end = time.monotonic() + limit
-    while not condition():
-        assert time.monotonic() < end, f"not within {limit} s"
-        signal.sigtimedwait([], 0.05)
 
 
 def test_two_methods_are_measured_on_the_wall(tmp_path: Path) -> None:
@@ -74,7 +65,7 @@ def test_ctrl_c_leaves_no_process_behind(tmp_path: Path) -> None:
     log = out / "wall-0-1cores" / "adaptive" / "run.log"
     measuring = start("measure", "live", config, *OPTIONS, "--seconds", 60, "--out", out)
     try:
-        until(lambda: log.exists() and "starting" in log.read_text(), START_LIMIT_S)
+        until_written(log, "starting", START_LIMIT_S)
         assert len(processes_of(str(tmp_path))) >= 2, "this command and the wall"
 
         os.kill(measuring.pid, signal.SIGINT)

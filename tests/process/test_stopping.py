@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from rich.table import Table
-from running import mpirun, panels, session_of, start, summary, wall, write_config
+from running import mpirun, panels, session_of, start, summary, until_written, wall, write_config
 
 from wall.commands.replay import replay
 
@@ -58,14 +58,6 @@ def renderers(run: subprocess.Popen[str]) -> list[int]:
 
 def renderers_of(run: subprocess.Popen[str]) -> list[int]:
     return sorted(session_of(run.pid))[1:]
-
-
-def until_part(out: Path, rank: int) -> None:
-    """Wait until a rank is heard; before, it is not noticed when it freezes."""
-    log, limit = out / "log" / f"rank-{rank}.jsonl", time.monotonic() + START_LIMIT_S
-    while not (log.exists() and "takes part" in log.read_text()):
-        assert time.monotonic() < limit, f"rank {rank} takes no part after {START_LIMIT_S} s"
-        wait_a_little()
 
 
 def wait_a_little() -> None:
@@ -192,7 +184,7 @@ def test_frozen_renderer_is_noticed_and_welcomed_back(
     config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
     run = running("run", config, "--headless", "--seconds", 4.5, "--out", tmp_path / "out")
     first, _ = renderers(run)
-    until_part(tmp_path / "out", 1)
+    until_written(tmp_path / "out" / "log" / "rank-1.jsonl", "takes part", START_LIMIT_S)  # unheard, it is not missed
 
     os.kill(first, signal.SIGSTOP)
     time.sleep(2.0)  # longer than lost_after_s
@@ -231,10 +223,8 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
     until_gone(run)
-    limit = time.monotonic() + STOP_LIMIT_S  # for the process that writes the results, which is not of the session
-    written = tmp_path / "out" / "summary.json"
-    while not (written.exists() and "terminated" in written.read_text()) and time.monotonic() < limit:
-        wait_a_little()
+    # by the process that writes the results, which is not of the session
+    until_written(tmp_path / "out" / "summary.json", "terminated", STOP_LIMIT_S)
 
     found = summary(tmp_path / "out")
     assert "silent" in found["lost"]["1"]

@@ -97,10 +97,11 @@ class LoopbackLink(Link):
 
     def send(self, message: bytes) -> None:
         """Sends a control message to the hub; counts it if the hub is gone."""
+        checked(message)
         if self._hub is None:
             self.counters["peer_gone"] += 1
             return
-        _keep(self._hub.control, (self._peer, checked(message)), self._hub.counters, self._hub.something)
+        _keep(self._hub.control, (self._peer, message), self._hub.counters, self._hub.something)
 
     def receive(self) -> list[bytes]:
         """Takes all control messages that arrived."""

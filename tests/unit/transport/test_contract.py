@@ -340,6 +340,8 @@ def test_a_link_that_comes_after_the_hub_has_closed_has_no_credit_and_raises_not
     assert gave_way == [packet(0)]
     assert not link.ready()
     assert link.receive() == []
+    with pytest.raises(LocalProtocolError):  # as of a link that has a hub
+        link.send(bytes(MAX_MESSAGE_BYTES + 1))
     link.close()
 
 
