@@ -60,15 +60,15 @@ class AdaptiveSampler:
         self._feedback = feedback
         if self._uniform:
             return
-        scores, tiles, accumulation = self._scores, self.division.tiles, feedback.accumulation
+        scores, accumulation = self._scores, feedback.accumulation
         if feedback.nothing_moves:
             self._floor, self._footprint = FLOOR_STILL, FOOTPRINT_STILL
-            kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, self._gain, scores, tiles)
+            kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, self._gain, scores)
         else:
             self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
             kernels.score_moving(
                 feedback.resolved, feedback.sample_density, accumulation, feedback.accumulating.any(axis=1),
-                self._floor, self._gain, scores, tiles,
+                self._floor, self._gain, scores,
             )  # fmt: skip
         change = 0.0 if feedback.nothing_moves else float(feedback.temporal_gradient.mean())
         self.division.balance(scores.contrast, change)
@@ -92,7 +92,7 @@ class AdaptiveSampler:
 
     def forget(self, samples: Samples) -> None:
         """Score the pixels of these samples as holes until the next replan; the reconstruction forgets them too."""
-        kernels.mark_lost(samples, self._rect.x, self._rect.y, self._scores.score, self.division.tiles)
+        kernels.mark_lost(samples, self._rect.x, self._rect.y, self._scores.score)
 
     def choose(self, newest: Event, rays: int | None = None) -> Targets | None:
         """The next `rays`, in whole packets and at least one; None where no pixel gains, under the exposure before."""
@@ -111,5 +111,5 @@ class AdaptiveSampler:
         if not self._uniform:
             kernels.learn(
                 samples, self._rect.x, self._rect.y, self._feedback.accumulation, self._feedback.nothing_moves,
-                self._floor, ENOUGH, self._gain, self._scores, self.division.tiles,
+                self._floor, ENOUGH, self._gain, self._scores,
             )  # fmt: skip

@@ -53,7 +53,6 @@ class Cut:
             tile_of=np.zeros((height, width), np.int32), order=order[:1],
         )  # fmt: skip
         kernels.plant(width, height, self.tiles, self.tree)
-        self.tiles.sums[0] = area
         while self.adjust(np.ones((height, width), np.float32), capacity):
             pass
 

@@ -12,7 +12,7 @@ from wall.core.data import Float32
 from wall.sampling.cut import BALANCE, COARSE, FINE, GAIN, Cut
 from wall.sampling.kernels import adaptive as kernels_adaptive
 from wall.sampling.kernels import cut as kernels
-from wall.sampling.kernels.adaptive import Pixels
+from wall.sampling.kernels.adaptive import BLOCK, Pixels
 from wall.sampling.kernels.cut import LEAST_EDGE, MOST_EDGE
 
 SIZES = [(1, 1), (5, 3), (1, 200), (300, 11), (23, 70), (16, 16), (65, 64), (100, 75), (150, 40)]  # width, height
@@ -29,17 +29,12 @@ def check(cut: Cut, score: Float32) -> None:
         assert 0 < height <= MOST_EDGE
         assert width >= min(LEAST_EDGE, tile_of.shape[1])
         assert height >= min(LEAST_EDGE, tile_of.shape[0])
+        assert (x % BLOCK, y % BLOCK) == (0, 0), "a block lies in two leaves"
         assert (owner[y : y + height, x : x + width] == -1).all(), "leaves overlap"
         owner[y : y + height, x : x + width] = leaf
         assert_allclose(sums[leaf], score[y : y + height, x : x + width].sum(dtype=np.float64), rtol=1e-6, atol=1e-12)
     assert_array_equal(owner, tile_of)
     assert len(order) <= len(rects) // 2
-
-
-def summed(cut: Cut, score: Float32) -> None:
-    """The leaves' sums of new scores, as the scoring kernels leave them."""
-    cut.tiles.sums[:] = 0.0
-    np.add.at(cut.tiles.sums, cut.tiles.tile_of.ravel(), score.ravel().astype(np.float64))
 
 
 def settle(cut: Cut, score: Float32, calls: int = 200) -> bool:
@@ -62,7 +57,6 @@ def test_leaves_share_out_the_region_after_every_step(size: tuple[int, int], com
     check(cut, np.ones((size[1], size[0]), np.float32))
     for seed in range(6):
         score = uneven(size, seed)
-        summed(cut, score)
         cut.balance(np.full_like(score, 0.01), float(random.uniform(0.0, 0.1)))
         for _ in range(40):
             steps = int(random.integers(1, 4))
@@ -78,7 +72,6 @@ def test_left_alone_the_leaves_come_to_about_equal_importance(
     """No leaf that could be split has more than SPLIT times the wanted sum, no two siblings less than MERGE times."""
     cut, score = Cut(*size), uneven(size, seed)
     cut.wanted = 40.0
-    summed(cut, score)
     assert settle(cut, score)
     rects, sums, _, order = cut.tiles
     wanted = score.sum(dtype=np.float64) / 40
@@ -95,7 +88,6 @@ def test_a_single_hot_pixel_draws_small_leaves_to_it_and_lets_go_when_it_has_mov
     for at in ((40, 20), (3, 60), (63, 63)):
         score = np.zeros((64, 64), np.float32)
         score[at] = 1.0
-        summed(cut, score)
         assert settle(cut, score)
         check(cut, score)
         widths = cut.tiles.rects[cut.tiles.order, 2:]
@@ -106,7 +98,6 @@ def test_a_single_hot_pixel_draws_small_leaves_to_it_and_lets_go_when_it_has_mov
 
 def test_where_nothing_is_to_be_gained_nothing_is_drawn_and_no_number_breaks(compiled_only: None) -> None:
     cut, score = Cut(100, 75), np.zeros((75, 100), np.float32)
-    summed(cut, score)
     before = len(cut.tiles.order)
     cut.adjust(score, MANY)
     check(cut, score)
@@ -121,7 +112,6 @@ def test_equal_calls_give_equal_cuts(compiled_only: None) -> None:
     cuts = [Cut(100, 75), Cut(100, 75)]
     for cut in cuts:
         for seed in range(4):
-            summed(cut, uneven((100, 75), seed))
             cut.adjust(uneven((100, 75), seed), 7)
     assert_array_equal(*(cut.tiles.tile_of for cut in cuts))
     assert_array_equal(*(cut.tiles.order for cut in cuts))
@@ -130,15 +120,21 @@ def test_equal_calls_give_equal_cuts(compiled_only: None) -> None:
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_leaf_is_cut_across_its_longer_axis_at_the_weighted_median(axis: int, seed: int) -> None:
-    """The NumPy twin: of all cuts LEAST_EDGE from both ends, none divides the sum more evenly."""
-    score = np.random.default_rng(seed).random((12, 30) if axis else (30, 12)).astype(np.float32) ** 4
+    """The NumPy twin: of all cuts the one that divides the sum most evenly, rounded to a block."""
+    score = np.random.default_rng(seed).random((12, 70) if axis else (70, 12)).astype(np.float32) ** 4
     across = bool(axis)
     at = kernels.cut_at(score, 0, 0, score.shape[1], score.shape[0], across)
-    half = [
-        abs(score.sum(axis=1 - axis)[:k].sum(dtype=np.float64) / score.sum(dtype=np.float64) - 0.5) for k in range(31)
-    ]
-    assert LEAST_EDGE <= at <= 30 - LEAST_EDGE
-    assert half[at] <= min(half[LEAST_EDGE : 31 - LEAST_EDGE]) + 1e-6
+    before = np.append(0.0, np.cumsum(score.sum(axis=1 - axis, dtype=np.float64)))
+    best = int(np.abs(before / before[-1] - 0.5).argmin())
+    assert abs(at - min(max(best, LEAST_EDGE), 70 - LEAST_EDGE)) <= BLOCK // 2
+    assert at % BLOCK == 0
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_a_leaf_is_cut_at_a_whole_block_at_least_the_least_edge_from_both_ends(last: bool) -> None:
+    score = np.zeros((12, 30), np.float32)
+    score[0, -1 if last else 0] = 1.0
+    assert kernels.cut_at(score, 0, 0, 30, 12, True) == (16 if last else 12)
 
 
 def test_with_a_floor_no_pixel_starves_beside_a_hot_one(compiled_only: None) -> None:
@@ -146,7 +142,6 @@ def test_with_a_floor_no_pixel_starves_beside_a_hot_one(compiled_only: None) -> 
     score = np.full((48, 64), 1e-3, np.float32)
     score[10, 10] = 30.0
     cut, seen, pixels = Cut(64, 48), np.zeros((48, 64)), Pixels(np.zeros((48, 64), np.uint16), 1, 0, 0)
-    summed(cut, score)
     xy = np.zeros((1000 * kernels_adaptive.PACKET, 2), np.float32)
     for sequence in range(100):
         cut.adjust(score, 5)

@@ -14,7 +14,8 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y
 
 PACKET = 16  # rays
-BLOCK = 4  # pixels, edge of the blocks that a tile is walked in
+BLOCK = 4  # pixels, edge of the blocks that tiles consist of, and are walked in
+uint32, uint64 = np.uint32, np.uint64  # as indices: no test whether they count from the end
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 HOLE_DENSITY = np.float32(0.1)  # samples, weighted: a pixel with less is a hole
 HOLE = np.float32(0.005)  # squared display units: least squared error expected of a hole
@@ -28,10 +29,13 @@ X, Y, WIDTH, HEIGHT = 0, 1, 2, 3  # columns of a rectangle
 
 
 class Tiles(NamedTuple):
-    """A division of (h, w) pixels: every pixel lies in exactly one of the tiles in `order`."""
+    """A division of (h, w) pixels: every pixel lies in exactly one of the tiles in `order`.
+
+    Tiles begin at multiples of BLOCK, and end there or at the border of the image.
+    """
 
     rects: np.ndarray  # (capacity, 4) int32: X, Y, WIDTH, HEIGHT, pixels of the region
-    sums: np.ndarray  # (capacity,) float64: sum of the scores of a tile's pixels
+    sums: np.ndarray  # (capacity,) float64: sum of the scores of a tile's pixels, as of the last draw
     tile_of: np.ndarray  # (h, w) int32: tile of each pixel
     order: np.ndarray  # (n,) int32: the tiles there are, neighbours in a row
 
@@ -56,13 +60,12 @@ class Pixels(NamedTuple):
 class Marks(NamedTuple):
     """The marks of a systematic draw inside one tile."""
 
-    number: int
-    first: float  # where the first lies, as a share of the tile's sum
-    step: float  # from one to the next, likewise
+    first: float  # where the first lies in the sum of the tile's scores
+    step: float  # from one to the next
 
 
 @kernel
-def score_moving(resolved, sample_density, accumulation, accumulating, floor, gain, scores, tiles):
+def score_moving(resolved, sample_density, accumulation, accumulating, floor, gain, scores):
     """Score pixels while something moves: contrast / (n (n + 1)), and holes above all.
 
     Parameters
@@ -72,7 +75,7 @@ def score_moving(resolved, sample_density, accumulation, accumulating, floor, ga
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
     accumulating : (rows,) bool, of every 16 rows: whether any of their pixels accumulates
     floor : float32, added to every score, so that no pixel starves; gain : see score_still
-    scores : Scores, written; tiles : Tiles, sums are written
+    scores : Scores, written
     """
     height, width = scores.score.shape
     brightness = np.empty((3, width + 2), np.float32)
@@ -91,7 +94,6 @@ def score_moving(resolved, sample_density, accumulation, accumulating, floor, ga
                 density[j] = max(density[j], counts[j])
         for j in range(width):
             score[j] = moving_gain(contrast[j], density[j]) + floor
-    sum_tiles(scores.score, tiles)
 
 
 @inline_kernel
@@ -137,25 +139,6 @@ def measure_contrast_of_four(up, own, down, contrast):
         ) * np.float32(0.25)
 
 
-@kernel
-def sum_tiles(score, tiles):
-    """Write the tiles' sums of scores (h, w): columns in float32, and those in float64."""
-    rects = tiles.rects
-    columns = np.empty(score.shape[1], np.float32)
-    for tile in tiles.order:
-        first, top, width, height = rects[tile, X], rects[tile, Y], rects[tile, WIDTH], rects[tile, HEIGHT]
-        sums = columns[:width]
-        sums[:] = ZERO
-        for i in range(top, top + height):
-            line = score[i, first : first + width]
-            for j in range(sums.shape[0]):
-                sums[j] += line[j]
-        total = 0.0
-        for j in range(sums.shape[0]):
-            total += sums[j]
-        tiles.sums[tile] = total
-
-
 @inline_kernel
 def moving_gain(contrast, n):
     """Expected error reduction of one more sample where n samples of a moving image are known."""
@@ -163,7 +146,7 @@ def moving_gain(contrast, n):
 
 
 @kernel
-def score_still(resolved, accumulation, floor, enough, gain, scores, tiles):
+def score_still(resolved, accumulation, floor, enough, gain, scores):
     """Score pixels while nothing moves: by their own variance; 0 where the standard error is below `enough`.
 
     Parameters
@@ -172,7 +155,7 @@ def score_still(resolved, accumulation, floor, enough, gain, scores, tiles):
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
     floor : float32, see score_moving; enough : float32, standard error in brightness that needs no more samples
     gain : float32, what light is multiplied by before it is shown
-    scores, tiles : see score_moving
+    scores : Scores, written
     """
     height, width = scores.score.shape
     brightness = np.empty((3, width + 2), np.float32)
@@ -187,7 +170,6 @@ def score_still(resolved, accumulation, floor, enough, gain, scores, tiles):
         for j in range(width):
             density[j] = pixels[j, COUNT]
             score[j] = still_gain(pixels[j], contrast[j], density[j], floor, enough, gain)
-    sum_tiles(scores.score, tiles)
 
 
 @inline_kernel
@@ -220,36 +202,31 @@ def draw(score, tiles, pixels, sequence, xy):
     Parameters
     ----------
     score : (h, w) float32
-    tiles : Tiles; sums are corrected where they have drifted
+    tiles : Tiles; sums are written
     pixels : Pixels, visits are counted up
     sequence : int, random numbers are a hash of (pixels.seed, sequence)
     xy : (n, 2) float32, written: panel pixels
 
     Returns
     -------
-    filled : int, positions written; all, but for those of tiles that proved empty
+    filled : int, positions written: all, or none where no pixel has a score
     """
-    order, sums = tiles.order, tiles.sums
-    total = 0.0
-    for tile in order:
-        total += sums[tile]
+    total, block_sums = sum_tiles(score, tiles)
     if not total > 0.0:
         return 0
     step = total / xy.shape[0]
     at = hash_uint32(hash_uint32(np.uint32(pixels.seed), np.uint32(sequence)), np.uint32(0)) * 2.0**-32 * step
-    scratch = np.empty(blocks_along(score.shape[1]) * (blocks_along(score.shape[0]) + BLOCK), np.float32)
-    seen, left, filled = 0.0, xy.shape[0], np.int64(0)  # a literal 0 would compile what it is handed to once more
-    for tile in order:
-        first = at - seen
-        seen += sums[tile]
-        count = 0
-        while at < seen and count < left:
-            count += 1
+    seen, filled = 0.0, 0
+    for tile in tiles.order:
+        marks, before = Marks(at - seen, step), filled
+        seen += tiles.sums[tile]
+        while at < seen and filled < xy.shape[0]:
+            filled += 1
             at += step
-        if count > 0:
-            left -= count
-            marks = Marks(count, first / sums[tile], step / sums[tile])
-            filled = draw_inside(score, tiles, tile, marks, pixels, scratch, xy, filled)
+        if filled > before:
+            draw_inside(score, tiles.rects[tile], marks, block_sums, xy[before:filled])
+    for k in range(filled):
+        write_position(pixels, xy[k])
     return filled
 
 
@@ -259,86 +236,107 @@ def blocks_along(edge):
     return (edge + BLOCK - 1) // BLOCK
 
 
-@inline_kernel
-def draw_inside(score, tiles, tile, marks, pixels, scratch, xy, filled):
-    """Write the positions of a tile's marks; returns the new `filled`.
+@kernel
+def sum_tiles(score, tiles):
+    """Sum the scores (h, w) of each tile, whose sums are written.
 
-    The curve takes blocks of 4 x 4 pixels in a serpentine order, and the pixels of each in Morton order. So where all
-    pixels score alike, 16 marks on 256 pixels are a grid of every fourth one.
-
-    marks : Marks; scratch : float32, see sum_blocks; other parameters : see draw
+    Returns
+    -------
+    total : float64, sum of all
+    block_sums : (blocks_along(h), blocks_along(w)) float32, those of blocks of 4 x 4 pixels
     """
-    rects = tiles.rects
-    first, top, width, height = rects[tile, X], rects[tile, Y], rects[tile, WIDTH], rects[tile, HEIGHT]
-    across, down = blocks_along(width), blocks_along(height)
-    total, block_sums = sum_blocks(score, first, top, width, height, scratch)
-    tiles.sums[tile] = total
-    if not total > 0.0:
-        return filled
-    step, at = marks.step * total, marks.first * total
-    seen, end = 0.0, filled + marks.number
-    i, j = top, first  # the last pixel with a score
-    for row in range(down):
-        for k in range(across):
-            column = across - 1 - k if row & 1 else k
-            before, seen = seen, seen + block_sums[row * across + column]
-            if not at < seen:
-                continue
-            for m in range(BLOCK * BLOCK):
-                y, x = top + BLOCK * row + (m >> 1 & 1 | m >> 2 & 2), first + BLOCK * column + (m & 1 | m >> 1 & 2)
-                if y >= top + height or x >= first + width or not score[y, x] > ZERO:
-                    continue
-                i, j = y, x
-                before += score[i, j]
-                while at < before and filled < end:
-                    write_position(i, j, pixels, xy, filled)
-                    filled += 1
-                    at += step
-    while filled < end:  # rounding left some over
-        write_position(i, j, pixels, xy, filled)
-        filled += 1
-    return filled
-
-
-@inline_kernel
-def sum_blocks(score, first, top, width, height, scratch):
-    """Sums of the 4 x 4 blocks of a rectangle of scores (h, w), those at its right and bottom edges cut off.
-
-    scratch : float32, 4 to a block of a row and one to each block; column sums and block sums are written
-    Returns the sum of all, and the blocks' sums, row after row, which lie in scratch.
-    """
-    across = blocks_along(width)
-    columns, block_sums = scratch[: BLOCK * across], scratch[BLOCK * across :]
+    block_sums = np.empty((blocks_along(score.shape[0]), blocks_along(score.shape[1])), np.float32)
+    columns = np.zeros(BLOCK * block_sums.shape[1], np.float32)
+    for row in range(block_sums.shape[0]):
+        sum_blocks(score[BLOCK * row : min(BLOCK * row + BLOCK, score.shape[0])], columns, block_sums[row])
     total = 0.0
-    for row in range(blocks_along(height)):
-        for j in range(columns.shape[0]):
-            columns[j] = ZERO
-        for i in range(top + BLOCK * row, min(top + BLOCK * row + BLOCK, top + height)):
-            line = score[i, first : first + width]
-            for j in range(line.shape[0]):
-                columns[j] += line[j]
-        for b in range(across):
-            j = BLOCK * b
-            block_sum = (columns[j] + columns[j + 1]) + (columns[j + 2] + columns[j + 3])
-            block_sums[row * across + b] = block_sum
-            total += block_sum
+    for tile in tiles.order:
+        first, top, across, down = blocks_in(tiles.rects[tile])
+        tile_sum = 0.0
+        for row in range(top, top + down):
+            for column in range(first, first + across):
+                tile_sum += block_sums[row, column]
+        tiles.sums[tile] = tile_sum
+        total += tile_sum
     return total, block_sums
 
 
 @inline_kernel
-def write_position(i, j, pixels, xy, k):
-    """Write the next position of pixel (i, j) to xy[k]: its R2 sequence, which a hash of the pixel shifts."""
-    key = hash_uint32(hash_uint32(np.uint32(pixels.seed), np.uint32(i)), np.uint32(j))
+def blocks_in(rect):
+    """The blocks of a tile: column and row of the first, how many across and down. rect : (4,) int32, see Tiles"""
+    first, top = int(rect[X]) // BLOCK, int(rect[Y]) // BLOCK
+    return first, top, blocks_along(int(rect[WIDTH])), blocks_along(int(rect[HEIGHT]))
+
+
+@inline_kernel
+def sum_blocks(score, columns, sums):
+    """Write the sums of a row of blocks, along the whole image: vector code, and what memory is fast at.
+
+    score : (up to 4, w) float32; columns : (4 n,) float32, scratch, 0 from w on; sums : (n,) float32
+    """
+    columns[: score.shape[1]] = ZERO
+    for i in range(score.shape[0]):
+        line = score[i]
+        for j in range(line.shape[0]):
+            columns[j] += line[j]
+    for k in range(sums.shape[0]):
+        j = uint64(BLOCK) * uint64(k)
+        sums[k] = (columns[j] + columns[j + uint64(1)]) + (columns[j + uint64(2)] + columns[j + uint64(3)])
+
+
+@inline_kernel
+def draw_inside(score, rect, marks, block_sums, xy):
+    """Write the pixels of a tile's marks.
+
+    The curve takes blocks of 4 x 4 pixels in a serpentine order, and the pixels of each in Morton order. So where all
+    pixels score alike, 16 marks on 256 pixels are a grid of every fourth one.
+
+    score : (h, w) float32; rect : (4,) int32, see Tiles; marks : Marks; block_sums : see sum_tiles
+    xy : (n, 2) float32, written for all of its marks: column and row
+    """
+    first, top, across, down = blocks_in(rect)
+    at, seen, filled = marks.first, 0.0, 0
+    i, j = uint32(rect[Y]), uint32(rect[X])  # the last pixel with a score
+    for row in range(top, top + down):
+        for k in range(across):
+            column = first + across - 1 - k if (row - top) & 1 else first + k
+            before, seen = seen, seen + block_sums[uint32(row), uint32(column)]
+            if not at < seen:
+                continue
+            for m in range(BLOCK * BLOCK):
+                y, x = uint32(BLOCK * row + (m >> 1 & 1 | m >> 2 & 2)), uint32(BLOCK * column + (m & 1 | m >> 1 & 2))
+                if y >= score.shape[0] or x >= score.shape[1] or not score[y, x] > ZERO:
+                    continue
+                i, j = y, x
+                before += score[i, j]
+                while at < before and filled < xy.shape[0]:
+                    xy[filled, 0], xy[filled, 1] = j, i
+                    filled += 1
+                    at += marks.step
+                if not at < seen:
+                    break
+    for k in range(filled, xy.shape[0]):  # rounding left some over
+        xy[k, 0], xy[k, 1] = j, i
+
+
+@inline_kernel
+def write_position(pixels, position):
+    """Replace a pixel by the next position in it: its R2 sequence, which a hash of the pixel shifts.
+
+    position : (2,) float32: column and row of the pixel; panel pixels are written
+    """
+    j, i = uint32(position[0]), uint32(position[1])
+    key = hash_uint32(hash_uint32(uint32(pixels.seed), i), j)
     n = pixels.visits[i, j]
     pixels.visits[i, j] = n + np.uint16(1)
     u = key * 2.0**-32 + n * R2_X
     v = hash_uint32(key, np.uint32(1)) * 2.0**-32 + n * R2_Y
-    xy[k, 0] = pixels.x0 + j + (u - math.floor(u)) * INSIDE
-    xy[k, 1] = pixels.y0 + i + (v - math.floor(v)) * INSIDE
+    position[0] = pixels.x0 + j + (u - math.floor(u)) * INSIDE
+    position[1] = pixels.y0 + i + (v - math.floor(v)) * INSIDE
 
 
 @kernel
-def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, gain, scores, tiles):
+def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, gain, scores):
     """Update the scores of pixels that received samples, and raise them around samples that contradict the image.
 
     Parameters
@@ -346,9 +344,9 @@ def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, gain, sco
     samples : (n,) SAMPLE; x0, y0 : int, panel pixel of score[0, 0]
     nothing_moves : bool, scores are those of score_still, else of score_moving
     accumulation, floor, enough, gain : see score_still
-    scores : Scores, density and score are updated; tiles : Tiles, sums are updated
+    scores : Scores, density and score are updated
     """
-    contrast, density, score, sums = scores.contrast, scores.density, scores.score, tiles.sums
+    contrast, density, score = scores.contrast, scores.density, scores.score
     height, width = score.shape
     for k in range(samples.shape[0]):
         i, j = int(samples[k]["xy"][1]) - y0, int(samples[k]["xy"][0]) - x0
@@ -359,38 +357,29 @@ def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, gain, sco
             new = still_gain(accumulation[i, j], contrast[i, j], density[i, j], floor, enough, gain)
         else:
             new = moving_gain(contrast[i, j], density[i, j]) + floor
-        sums[tiles.tile_of[i, j]] += new - score[i, j]
         score[i, j] = new
         change = samples[k]["change"]
         if change > ZERO:
-            raise_around(score, tiles, i, j, REJECTED * change)
+            raise_around(score, i, j, REJECTED * change)
 
 
 @inline_kernel
-def raise_around(score, tiles, i, j, amount):
+def raise_around(score, i, j, amount):
     """Raise the scores of 3 x 3 pixels around (i, j) to at least `amount`, less with distance."""
     for di in range(max(i - 1, 0), min(i + 2, score.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, score.shape[1])):
             square = (di - i) * (di - i) + (dj - j) * (dj - j)
-            raise_score(score, tiles, di, dj, amount / (ONE + np.float32(0.5) * np.float32(square)))
-
-
-@inline_kernel
-def raise_score(score, tiles, i, j, least):
-    """Raise the score of one pixel to at least `least`."""
-    if least > score[i, j]:
-        tiles.sums[tiles.tile_of[i, j]] += least - score[i, j]
-        score[i, j] = least
+            score[di, dj] = max(score[di, dj], amount / (ONE + np.float32(0.5) * np.float32(square)))
 
 
 @kernel
-def mark_lost(samples, x0, y0, score, tiles):
+def mark_lost(samples, x0, y0, score):
     """Score the pixels of lost samples as holes.
 
     samples : (n,) SAMPLE; x0, y0 : int, panel pixel of score[0, 0]
-    score : (h, w) float32, updated; tiles : Tiles, sums are updated
+    score : (h, w) float32, updated
     """
     for k in range(samples.shape[0]):
         i, j = int(samples[k]["xy"][1]) - y0, int(samples[k]["xy"][0]) - x0
         if 0 <= i < score.shape[0] and 0 <= j < score.shape[1]:
-            raise_score(score, tiles, i, j, HOLE)
+            score[i, j] = max(score[i, j], HOLE)

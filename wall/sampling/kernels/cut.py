@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.sampling.kernels.adaptive import HEIGHT, WIDTH, X, Y
+from wall.sampling.kernels.adaptive import BLOCK, HEIGHT, WIDTH, X, Y, sum_tiles
 
-LEAST_EDGE, MOST_EDGE = 12, 64  # pixels, of any tile, most >= 2 least; in smaller ones rays crowd (docs/lab/quality.md)
+# pixels, of any tile, whole blocks, most >= 2 least; in smaller tiles rays crowd (docs/lab/quality.md)
+LEAST_EDGE, MOST_EDGE = 12, 64
 SPLIT, MERGE = 2.0, 1.0  # of the wanted importance: leaves above are split, pairs of leaves below become one
 LEFT, RIGHT = 0, 1  # columns of `child`
 LEAF, FREE = -1, -2  # in child[node, LEFT]; FREE in parent
@@ -47,18 +48,14 @@ def adjust(score, wanted, steps, tiles, tree):
     Parameters
     ----------
     score : (h, w) float32, none negative; wanted : float, number of leaves; steps : int
-    tiles : Tiles, rects, sums and tile_of are updated; tree : Tree, updated
+    tiles : Tiles, rects, sums and tile_of are updated, `order` is that of before; tree : Tree, updated
 
     Returns
     -------
     taken : int, splits and merges
     """
     rects, sums, child, state = tiles.rects, tiles.sums, tree.child, tree.state
-    total = 0.0
-    for node in range(state[NODES]):
-        if child[node, LEFT] == LEAF and tree.parent[node] != FREE:
-            total += sums[node]
-    wanted_sum = total / wanted
+    wanted_sum = sum_tiles(score, tiles)[0] / wanted
     taken = 0
     for _ in range(state[NODES]):
         if taken >= steps:
@@ -108,6 +105,8 @@ def split(score, node, tiles, tree):
 def cut_at(score, x, y, width, height, across):
     """Pixels before the cut: the weighted median of the longer axis, LEAST_EDGE from both ends; or the middle.
 
+    It is rounded to whole blocks.
+
     score : (h, w) float32; x, y, width, height : int, the rectangle; across : bool, whether its longer axis is x
     """
     length = width if across else height
@@ -124,7 +123,7 @@ def cut_at(score, x, y, width, height, across):
             at = k if 0.5 * total - seen < 0.5 * line else k + 1
             break
         seen += line
-    return min(max(at, LEAST_EDGE), length - LEAST_EDGE)
+    return min(max((at + BLOCK // 2) // BLOCK, LEAST_EDGE // BLOCK), (length - LEAST_EDGE) // BLOCK) * BLOCK
 
 
 @inline_kernel
