@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float32
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.geometry.hilbert import hilbert_order
 from wall.sampling.kernels.adaptive import Tiles
 
 
@@ -35,17 +36,20 @@ class Division(Protocol):
 
 
 class Grid:
-    """A Division into squares of 16 pixels, cut off at the right and lower borders; it never changes."""
+    """A Division into squares of 16 pixels, cut off at the right and lower borders; it never changes.
+
+    They follow each other along a Hilbert curve: 16 rays of four tiles lie in a square, not in a row, so packets find
+    more in common.
+    """
 
     def __init__(self, width: int, height: int) -> None:
         rows, columns = -(-height // TILE), -(-width // TILE)
         y, x = np.mgrid[0:height:TILE, 0:width:TILE].reshape(2, -1)
         rects = np.stack([x, y, np.minimum(TILE, width - x), np.minimum(TILE, height - y)], axis=1).astype(np.int32)
-        order = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-        order[1::2] = order[1::2, ::-1].copy()
+        across, down = hilbert_order(columns, rows).T
         tile_of = np.arange(height)[:, None] // TILE * columns + np.arange(width) // TILE
         sums = rects[:, 2].astype(np.float64) * rects[:, 3]
-        self.tiles = Tiles(rects=rects, sums=sums, tile_of=tile_of.astype(np.int32), order=order.ravel())
+        self.tiles = Tiles(rects=rects, sums=sums, tile_of=tile_of.astype(np.int32), order=down * columns + across)
 
     def adjust(self, score: Float32, steps: int) -> int:
         """Change nothing."""
