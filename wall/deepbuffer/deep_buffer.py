@@ -73,7 +73,7 @@ class DeepBuffer:
         self._indices = np.zeros(capacity, np.uint32)  # where the samples of a part came from
         self.count = 0
         self.epoch = 0.0  # the store's clock zero
-        self._until_sorted = self._sorts = 0
+        self._schedule, self._sorts = SortSchedule(capacity), 0
         self._compile(objects)
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
@@ -175,18 +175,16 @@ class DeepBuffer:
     @property
     def sort_is_due(self) -> bool:
         """Whether the next call of `sort` does anything."""
-        return self._until_sorted <= 1
+        return self._schedule.is_due(self.count)
 
     def sort(self) -> None:
-        """Every SORT_EVERY calls: removes samples outside the image and sorts the others by object."""
-        self._until_sorted -= 1
-        if self._until_sorted > 0:
-            return
-        self._until_sorted = SORT_EVERY
-        self._sorts += 1
-        if self._sorts % BY_TILE_EVERY == 1:
-            self._sort_by(self._tile_starts, by_tile=True)
-        self._sort_by(self._object_starts, by_tile=False)
+        """If it is due, removes samples outside the image and sorts the others by object."""
+        if due := self.sort_is_due:
+            self._sorts += 1
+            if self._sorts % BY_TILE_EVERY == 1:
+                self._sort_by(self._tile_starts, by_tile=True)
+            self._sort_by(self._object_starts, by_tile=False)
+        self._schedule.end_refresh(self.count, tidied=due)
 
     def clear(self) -> None:
         """Remove all samples."""
@@ -253,6 +251,25 @@ def take_dirty(history: PixelHistory) -> NDArray[np.bool_]:
     dirty = history.dirty.copy()
     history.dirty[:] = False
     return dirty
+
+
+class SortSchedule:
+    """When a store is rid of samples that are rejected or outside the image: every SORT_EVERY refreshes.
+
+    Earlier if as many may come until the next refresh as came since the last that there is no room for them.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        """`capacity` of the store, samples."""
+        self._capacity, self._refreshes, self._counted = capacity, SORT_EVERY, 0
+
+    def is_due(self, count: int) -> bool:
+        """Whether it is at the end of this refresh; `count`: samples stored."""
+        return self._refreshes + 1 >= SORT_EVERY or count + (count - self._counted) > self._capacity
+
+    def end_refresh(self, count: int, *, tidied: bool) -> None:
+        """To be called at the end of every refresh, with the samples that are stored now."""
+        self._refreshes, self._counted = 0 if tidied else self._refreshes + 1, count
 
 
 class RestSchedule:

@@ -13,8 +13,8 @@ from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.deep_buffer import (
     CLOCK_ORIGIN_S,
     SAMPLES_PER_PIXEL,
-    SORT_EVERY,
     RestSchedule,
+    SortSchedule,
     capacity_for,
     come_to_rest,
     take_dirty,
@@ -69,7 +69,7 @@ class GpuReconstruction:
         self._change = np.zeros(self._largest, np.float32)  # of the staged samples
         self._accumulates = False  # their pixels accumulate them, see InsertRules.shows_event
         self._ordinal = 0  # new samples that have travelled since the last refresh
-        self._until_packed = 0
+        self._packing = SortSchedule(self._store.capacity)
         self._history = PixelHistory.of(width, height, detects_change=False)  # its rejections are the GPU's
         self._schedule = RestSchedule(self._history.arrived, TILE * TILE)
         self._resolved = np.zeros((height, width, 3), np.float32)
@@ -222,10 +222,9 @@ class GpuReconstruction:
         if not self.nothing_moves:
             history.contradicted[:] = False
             self._ordinal = 0
-        self._until_packed -= 1
-        if self._until_packed <= 0:
-            self._until_packed = SORT_EVERY
+        if due := self._packing.is_due(self._store.count):
             self._store.pack()
+        self._packing.end_refresh(self._store.count, tidied=due)
         self._device.check()
 
     def _send(self, *, moving: bool) -> None:
