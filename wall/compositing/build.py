@@ -21,9 +21,12 @@ from wall.compositing.structure import check_structure, in_order, users_of
 from wall.compositing.windows import with_windows
 from wall.config.graph import MAX_NODES, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode
 from wall.config.loading import Loaded
+from wall.config.views import ViewConfig
 from wall.geometry.panels import Wall
 from wall.geometry.rects import panel_rect
+from wall.geometry.seats import curved_image
 from wall.operators.base import Node, Operator
+from wall.operators.curve import Curve
 
 
 def build(loaded: Loaded, wall: Wall) -> Graph:
@@ -36,14 +39,16 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     refusals = Refusals(loaded, config.nodes, written=written)
     check_structure(config.nodes, refusals)
     checks.check_panels_exist(config.nodes, wall, refusals)
+    checks.check_curves_are_curved(config.nodes, wall, refusals)
     refusals.raise_any()
-    graph = replace(_planned(config, wall, refusals), balanced=balanced)
+    graph = replace(_planned(config, wall, loaded.config.views, refusals), balanced=balanced)
     checks.check_balance_fits(loaded, graph, wall)
     checks.check_sync_fits(loaded, config, refusals)
     checks.check_rates_fit(loaded, graph, refusals)
     checks.check_compares_panels(graph, refusals)
     checks.check_compares_times(graph, refusals)
     checks.check_waits_one_way(graph, refusals)
+    checks.check_curves_take_panels(graph, wall, refusals)
     checks.check_windows_show_panels(graph, refusals)
     checks.check_windows_are_apart(graph, config, wall, refusals)
     refusals.raise_any()
@@ -53,7 +58,8 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     sinks = [step for step in graph.steps if isinstance(step.node, SinkNode)]
     shown = {step.node.id: tuple(wall.panels[k] for k in step.panels) for step in sinks}
     config = with_windows(config, wall, rects, shown)
-    return replace(_planned(config, wall, Refusals(loaded, config.nodes, written=False)), balanced=balanced)
+    refusals = Refusals(loaded, config.nodes, written=False)
+    return replace(_planned(config, wall, loaded.config.views, refusals), balanced=balanced)
 
 
 def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
@@ -71,9 +77,9 @@ def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
     return expanded(config, wall)
 
 
-def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
+def _planned(config: NodeGraph, wall: Wall, views: Sequence[ViewConfig], refusals: Refusals) -> Graph:
     """The plan of every node. Raises ConfigError with all that is wrong."""
-    order = in_order([_with_area(node, wall) for node in config.nodes])
+    order = in_order([_placed(node, wall, views) for node in config.nodes])
     index = {panel.id: panel.index for panel in wall.viewports}
     samples = [node for node in config.nodes if isinstance(node, SamplesNode)]
     samples.sort(key=lambda node: index[node.panel])
@@ -114,11 +120,13 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
 
 
-def _with_area(node: Node, wall: Wall) -> Node:
-    """The same node; one that names a panel as its area gets the panel's pixels."""
+def _placed(node: Node, wall: Wall, views: Sequence[ViewConfig]) -> Node:
+    """The same node; one that names a panel gets the panel's pixels as its area, or its surface."""
     panel = getattr(node, "panel", None)
     if not isinstance(node, Operator) or panel is None:
         return node
+    if isinstance(node, Curve):
+        return node.placed(curved_image(wall.panel(panel), views))
     rect = panel_rect(wall.panel(panel))
     return node.model_copy(update={"area": (rect.x, rect.y, rect.width, rect.height), "panel": None})
 

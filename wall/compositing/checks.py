@@ -11,8 +11,10 @@ from wall.compositing.structure import input_path
 from wall.config.graph import FrameSync, NodeGraph, PresetGraph, SinkNode
 from wall.config.loading import Loaded, nearest
 from wall.geometry.panels import Wall
+from wall.geometry.rects import panel_rect
 from wall.geometry.strips import LEAST_ROWS
 from wall.operators.base import Node
+from wall.operators.curve import Curve
 
 
 def check_panels_exist(nodes: Sequence[Node], wall: Wall, refusals: Refusals) -> None:
@@ -23,6 +25,25 @@ def check_panels_exist(nodes: Sequence[Node], wall: Wall, refusals: Refusals) ->
         if panel is not None and panel not in panels:
             some = ", ".join(panels[:16]) + (" ..." if len(panels) > 16 else "")
             refusals.add(node, ["panel"], "there is no such panel", some + nearest(panel, panels))
+
+
+def check_curves_are_curved(nodes: Sequence[Node], wall: Wall, refusals: Refusals) -> None:
+    """What `curve` names is a curved panel."""
+    flat = {panel.id for panel in wall.viewports if panel.surface is None}
+    for node in nodes:
+        if isinstance(node, Curve) and node.panel in flat:
+            refusals.add(node, ["panel"], f"{node.panel} is flat", "a panel with a surface")
+
+
+def check_curves_take_panels(graph: Graph, wall: Wall, refusals: Refusals) -> None:
+    """What `curve` takes is the flat image of its panel, all of it and nothing else."""
+    for step in graph.steps:
+        node = step.node
+        if isinstance(node, Curve):
+            given, wanted = graph.steps[step.inputs[0]], panel_rect(wall.panel(node.panel))
+            if given.rect != wanted or graph.panels_followed()[given.index] != wall.panel(node.panel).index:
+                came = f"{node.input} is not the flat image of panel {node.panel}"
+                refusals.add(node, ["input"], came, "a node that holds all of its pixels and no others, as they are")
 
 
 def check_sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> None:

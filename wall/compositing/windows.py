@@ -1,6 +1,7 @@
 """Add the nodes that a panel's display needs between an image and its window.
 
-A window sink shows each panel by itself: its pixels cut out, then its colour, blending and warp, as the wall says.
+A window sink shows each panel by itself: its pixels cut out, then its surface, colour, blending and warp, as the wall
+says.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from wall.operators.arrange import Crop
 from wall.operators.base import Node
 from wall.operators.blend_edges import BlendEdges
 from wall.operators.colour import Colour
+from wall.operators.curve import Curve
 from wall.operators.warp import Warp
 
 MAX_STEM = 48  # characters of a node's id that added nodes begin with
@@ -56,6 +58,8 @@ def _window(node: SinkNode, name: str, panel: Panel, given: Rect, taken: set[str
 
     if given != rect:
         chain.append(Crop(op="crop", area=(rect.x, rect.y, rect.width, rect.height), **link("crop")))
+    if panel.surface is not None:
+        chain.append(Curve(op="curve", panel=panel.id, **link("curve")))
     if panel.config.colour is not None:
         c = panel.config.colour
         chain.append(Colour(op="colour", gain=c.gain, gamma=c.gamma, lut=c.lut, **link("colour")))
@@ -73,7 +77,7 @@ def _ramps(panel: Panel) -> dict[str, Any] | None:
     """Widths of the ramps in pixels, and the display's gamma; None where there are none."""
     if panel.blend is None:
         return None
-    (across, down), b = panel.pitch, panel.blend
+    (across, down), b = panel.lit_pitch, panel.blend
     ramps = {
         "left": round(b.left / across), "right": round(b.right / across),
         "top": round(b.top / down), "bottom": round(b.bottom / down),

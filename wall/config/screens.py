@@ -23,7 +23,19 @@ from wall.config.displays import (
     WindowConfig,
     is_number,
 )
-from wall.core.fields import NAME_PATTERN, Model, Name, Number, Point, RefreshRate, Text, Whole, refusal
+from wall.config.surfaces import SurfaceConfig
+from wall.core.fields import (
+    NAME_PATTERN,
+    Model,
+    Name,
+    Number,
+    Point,
+    RefreshRate,
+    Text,
+    Whole,
+    check_one_named,
+    refusal,
+)
 
 MAX_PANELS = 1024
 SQUARENESS = 0.01  # cosine of the corner angle: half a degree off is a typing error, not a panel
@@ -170,7 +182,8 @@ class PanelConfig(Model):
     pixels: tuple[Pixels, Pixels] = Field(
         description="as the viewer sees it: from lower_left to lower_right, and up to upper_left"
     )
-    corners: CornersConfig = Field(description="where the lit area is")
+    corners: CornersConfig | None = Field(default=None, description="where the lit area is, if it is flat")
+    surface: SurfaceConfig | None = Field(default=None, description="which part of a curved screen it lights instead")
     bezel: Sides = Field(default=SidesConfig(), description=BEZEL)
     overlap: Sides = Field(
         default=SidesConfig(), description="metres of the lit area that neighbours light too: one number or four sides"
@@ -192,8 +205,8 @@ class PanelConfig(Model):
 
     @model_validator(mode="after")
     def _sides_are_thin(self) -> PanelConfig:
-        corners = self.corners
-        size = (math.dist(corners.lower_left, corners.lower_right), math.dist(corners.lower_left, corners.upper_left))
+        check_one_named("corners", self.corners, "surface", self.surface)
+        size = self._size()
         _check_sides("bezel", self.bezel, size)
         _check_sides("overlap", self.overlap, size)
         if isinstance(self.blend, BlendConfig):
@@ -208,6 +221,24 @@ class PanelConfig(Model):
                     at=("overlap",) if alike else ("overlap", side),
                 )
         return self
+
+    @model_validator(mode="after")
+    def _curved_is_plain(self) -> PanelConfig:
+        if self.surface is not None:
+            if self.bezel.across or self.bezel.down:
+                raise refusal("a curved panel has no frame", accepted="a gap to its neighbours", at=("bezel",))
+            if self.row_time:
+                why = "rows of a curved panel are not rows of the flat image that is made for it"
+                raise refusal(why, accepted="no row_time", at=("row_time",))
+        return self
+
+    def _size(self) -> tuple[float, float]:
+        """Width and height of the lit area, metres; of a curved one along the surface, where it is largest."""
+        if self.surface is not None:
+            return self.surface.size
+        assert self.corners is not None
+        low, right, high = self.corners.lower_left, self.corners.lower_right, self.corners.upper_left
+        return math.dist(low, right), math.dist(low, high)
 
     @property
     def packed(self) -> bool:

@@ -55,6 +55,11 @@ class TrackingConfig(Model):
         default=(0.0, 0.0, 0.0),
         description="where the eye is when the tracker tells 0, 0, 0, metres in the wall's frame",
     )
+    reach: Annotated[Number, Ge(0.0), Le(100.0)] = Field(
+        default=0.3,
+        description="metres along each axis that the eye may move from the view's `eye` and still see all of curved "
+        "panels; beyond, their edges are smeared",
+    )
     delay_s: Annotated[Number, Ge(0.0), Le(0.2)] = Field(
         default=0.01, description="seconds from a movement to the arrival of its packet, which prediction makes up for"
     )

@@ -12,10 +12,13 @@ from wall.core.errors import ConfigError
 from wall.geometry.eyes import eye_of, panel_path, standing_eye
 from wall.geometry.folded_overlaps import folded_overlaps
 from wall.geometry.panels import Overlap, Panel, Wall
+from wall.geometry.surfaces import density
 
 SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched image
 COARSE = 0.1  # metres; a coarser pixel is on no display, but in a file whose sizes are millimetres
+LEAST_DENSITY, MOST_DENSITY = 0.7, 2.0  # of a flat image: what is coarser blurs, what is finer may alias
 LEVEL = 0.7  # cosine of an angle between a camera's up and y that may be a tilted head
+ALIGNED = 0.01  # pixels
 SAID = 3  # panels that a note names
 REFUSED = 8  # overlaps that are told one by one
 
@@ -61,7 +64,7 @@ def _metres(size: tuple[float, float]) -> str:
 
 
 def _pixels(overlap: Overlap, panel: Panel) -> str:
-    across, down = (max(1, round(size / pitch)) for size, pitch in zip(overlap.size, panel.pitch, strict=True))
+    across, down = (max(1, round(size / pitch)) for size, pitch in zip(overlap.size, panel.lit_pitch, strict=True))
     return f"{across} x {down}"
 
 
@@ -85,6 +88,8 @@ def _in_millimetres(loaded: Loaded, wall: Wall) -> Iterator[str]:
 
 def _pixel(panel: Panel) -> tuple[float, float]:
     """Width and height of what shines, metres."""
+    if panel.surface is not None:
+        return panel.surface.pitch
     lower_left, lower_right, upper_left = panel.lit
     w, h = panel.pixels
     return float(np.linalg.norm(lower_right - lower_left)) / w, float(np.linalg.norm(upper_left - lower_left)) / h
@@ -115,11 +120,21 @@ def _needless(loaded: Loaded, wall: Wall) -> Iterator[str]:
 def _unaligned(loaded: Loaded, wall: Wall) -> Iterator[str]:
     """Overlaps in which two panels' pixels are not the same ones."""
     pairs = [(wall.panels[o.first], wall.panels[o.second]) for o in wall.overlaps]
-    found = {second.index: (first, second) for first, second in pairs if first.plane is not second.plane}
+    found = {second.index: (first, second) for first, second in pairs if not _share_pixels(first, second)}
     if found:
         first = next(iter(found.values()))[0]
         what = f"its pixels lie between those of panel {first.id}, whose light it shares: the image is less sharp there"
         yield _note(loaded, [second for _, second in found.values()], what)
+
+
+def _share_pixels(first: Panel, second: Panel) -> bool:
+    """Whether two panels that overlap have the same pixels there, those of curved ones to a hundredth."""
+    if first.surface is None or second.surface is None:
+        return first.plane is second.plane
+    pitch = np.array(first.surface.pitch)
+    apart = (np.array(second.surface.config.place) - np.array(first.surface.config.place)) / pitch
+    steps = np.array(second.surface.pitch) / pitch - 1.0
+    return bool(np.abs(apart - np.rint(apart)).max() < ALIGNED and np.abs(steps * max(first.pixels)).max() < ALIGNED)
 
 
 def _folded(loaded: Loaded, wall: Wall) -> Iterator[str]:
@@ -135,10 +150,27 @@ def _folded(loaded: Loaded, wall: Wall) -> Iterator[str]:
         if found:
             message = (
                 f"lights {100 * found[0].share:.2g} % of its area where the eye also sees panel {found[0].first.id}, "
-                "which lies in another plane: overlap and blend hold in one plane alone, so there light adds up"
+                "which lies in another plane or surface: overlap and blend hold in one alone, so there light adds up"
             )
             later = list({pair.second.index: pair.second for pair in found}.values())
             yield _note(loaded, later, message, "corners that meet as the eye sees them")
+
+
+def _coarse(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    """Curved panels whose flat image is much coarser, or much finer, than they are."""
+    found: dict[str, list[Panel]] = {}
+    for number, view in enumerate(loaded.config.views):
+        shown = wall.of_view(number).panels
+        for panel in shown:
+            if panel.surface is None:
+                continue
+            eye = eye_of(panel, standing_eye(loaded, wall.of_view(number), number), view.eye_separation)
+            least, most = density(panel.surface, panel.plane, panel.screen, eye)
+            if least < LEAST_DENSITY or most > MOST_DENSITY:
+                text = f"its flat image has {least:.2g} to {most:.2g} pixels for one of its own, across or down"
+                found.setdefault(text, []).append(panel)
+    for text, panels in found.items():
+        yield _note(loaded, panels, text, "narrower panels, or an eye nearer to straight before them: about 1")
 
 
 def _one_eyed(loaded: Loaded, wall: Wall) -> Iterator[str]:
@@ -172,6 +204,7 @@ NOTES: tuple[Question, ...] = (
     _needless,
     _unaligned,
     _folded,
+    _coarse,
     _one_eyed,
     _scattered,
     _tilted,

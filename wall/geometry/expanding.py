@@ -6,16 +6,21 @@ What comes out has the same rays: a grid's gaps and overlaps are whole pixels, a
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from wall.config.displays import BlendConfig, SidesConfig, WindowConfig
+from wall.config.loading import Loaded
 from wall.config.screens import CornersConfig, GridConfig, PanelConfig, Stereo, WallConfig
+from wall.config.yaml_text import YamlPath
 from wall.core.data import Float64
 from wall.geometry.layout import place
 from wall.geometry.panels import Panel, Plane, Wall, widened
 from wall.geometry.scan import scan_of
+from wall.geometry.seats import Seat, eyes_before, seats
+from wall.geometry.surfaces import SightError, Surface, flat_image
 
 SHIFTS = {"left": -0.5, "right": 0.5}  # eye separations
 
@@ -143,8 +148,22 @@ def expanded_config(config: WallConfig) -> WallConfig:
     return WallConfig(bezel=config.bezel, panels=single)
 
 
-def expand(config: WallConfig) -> Wall:
+def wall_of(loaded: Loaded) -> Wall:
+    """The wall of a configuration, without what its views show. Raises ConfigError for curved panels that no eye sees.
+
+    Its panels are those of `expand`.
+    """
+    try:
+        return expand(loaded.config.wall, seats(loaded.config.views))
+    except SightError as error:
+        path: YamlPath = ("views", 0) if error.panel is None else ("wall", "panels", error.panel)
+        raise loaded.error(path, error.what, error.wanted) from None
+
+
+def expand(config: WallConfig, seats: Sequence[Seat] = ()) -> Wall:
     """All panels with their positions, in the order of the file; a grid row by row from the top left.
+
+    `seats`: from where curved panels are seen. Raises SightError where they are not.
 
     A panel whose image holds both eyes becomes two, ID.left and ID.right, with its corners.
 
@@ -157,9 +176,27 @@ def expand(config: WallConfig) -> Wall:
     panels: list[Panel] = []
     for k, physical in enumerate(_physical(config)):
         for eye in eyes(physical):
-            plane = drawn.plane(*divmod(k, grid.columns)) if grid and drawn else _own_plane(eye.panel, skip=skip)
-            panels.append(_panel(len(panels), eye, plane, skip=skip))
+            surface = _surface(eye.panel)
+            if surface is not None:
+                plane = _flat_plane(surface, eye.panel, seats, k)
+            else:
+                plane = drawn.plane(*divmod(k, grid.columns)) if grid and drawn else _own_plane(eye.panel, skip=skip)
+            panels.append(_panel(len(panels), eye, plane, surface, skip=skip))
     return place(panels, regular=grid is not None)
+
+
+def _surface(config: PanelConfig) -> Surface | None:
+    return None if config.surface is None else Surface(config=config.surface, pixels=config.pixels)
+
+
+def _flat_plane(surface: Surface, config: PanelConfig, seats: Sequence[Seat], index: int) -> Plane:
+    """The plane of a curved panel's flat image. Raises SightError."""
+    if not seats and config.eye is None:
+        raise SightError("the wall is not flat, so the eye's place is needed", "eye: [x, y, z] in metres")
+    try:
+        return flat_image(surface, eyes_before(config, SHIFTS.get(config.stereo, 0.0), seats))
+    except SightError as error:
+        raise SightError(error.what, error.wanted, index) from None
 
 
 def _physical(config: WallConfig) -> tuple[PanelConfig, ...]:
@@ -169,13 +206,14 @@ def _physical(config: WallConfig) -> tuple[PanelConfig, ...]:
 
 def _own_plane(config: PanelConfig, *, skip: bool) -> Plane:
     """The plane of a panel's corners."""
+    assert config.corners is not None
     corners = np.array([config.corners.lower_left, config.corners.lower_right, config.corners.upper_left])
     lower_left, lower_right, upper_left = widened(corners, config.bezel, 1.0) if skip else corners
     w, h = config.pixels
     return Plane(origin=upper_left, per_x=(lower_right - lower_left) / w, per_y=(lower_left - upper_left) / h)
 
 
-def _panel(index: int, eye: Eye, plane: Plane, *, skip: bool) -> Panel:
+def _panel(index: int, eye: Eye, plane: Plane, surface: Surface | None, *, skip: bool) -> Panel:
     config, blend = eye.panel, eye.panel.blend
     if blend == "auto":
         blend = BlendConfig(**config.overlap.model_dump())
@@ -188,7 +226,8 @@ def _panel(index: int, eye: Eye, plane: Plane, *, skip: bool) -> Panel:
         shift=SHIFTS.get(config.stereo, 0.0),
         of=eye.of,
         at=eye.at,
-        skip=skip,
+        skip=skip and surface is None,
+        surface=surface,
         blend=blend if isinstance(blend, BlendConfig) else None,
         scan=scan_of(config, eye.at),
     )

@@ -6,10 +6,13 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.geometry.panels import Panel
+from wall.geometry.surfaces import pixels_seen
 
+CELLS = 64  # a side, by whose middles a curved panel is compared with another
 WIDEST_SEAM = 0.5  # pixels: what is narrower is a seam of rounded corners
 SAME_PLANE = 1e-6  # of a normal, and of the wall's size
 
@@ -25,7 +28,8 @@ class FoldedOverlap(NamedTuple):
 def folded_overlaps(panels: Sequence[Panel], eyes: Float64) -> Iterator[FoldedOverlap]:
     """Pairs of panels that one eye sees behind each other, and that lie in different planes.
 
-    Exact: a panel is cut by the four planes through the eye and the other's edges.
+    Exact for flat ones: a panel is cut by the four planes through the eye and the other's edges. Of a pair with a
+    curved one, what is wider than 1 / CELLS of the second is found. Parts of one cylinder or dome are no pair.
 
     Parameters
     ----------
@@ -33,10 +37,8 @@ def folded_overlaps(panels: Sequence[Panel], eyes: Float64) -> Iterator[FoldedOv
     """
     outlines = np.array([_around(panel) for panel in panels])
     away = outlines - eyes[:, None]
-    directions = away / np.linalg.norm(away, axis=2, keepdims=True)
-    axes = directions.sum(axis=1)
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    widths = np.arccos(np.clip((directions * axes[:, None]).sum(axis=2).min(axis=1), -1.0, 1.0))
+    cones = [_cone(panel, eye) for panel, eye in zip(panels, eyes, strict=True)]
+    axes, widths = np.array([axis for axis, _ in cones]), np.array([width for _, width in cones])
     normals = np.array([panel.plane.normal for panel in panels])
     size = float(np.abs(outlines - outlines[0, 0]).max())
     for k in range(len(panels) - 1):
@@ -45,10 +47,55 @@ def folded_overlaps(panels: Sequence[Panel], eyes: Float64) -> Iterator[FoldedOv
         near &= (eyes[k + 1 :] == eyes[k]).all(axis=1)
         same = normals[k + 1 :] @ normals[k] > 1.0 - SAME_PLANE
         same &= np.abs((outlines[k + 1 :, 0] - outlines[k, 0]) @ normals[k]) < SAME_PLANE * size
-        for m in (k + 1 + np.flatnonzero(near & ~same)).tolist():
+        curved = np.array([panels[k].surface is not None or p.surface is not None for p in panels[k + 1 :]])
+        for m in (k + 1 + np.flatnonzero(near & (curved | ~same))).tolist():
+            if curved[m - k - 1]:
+                share = (
+                    0.0 if _on_one_surface(panels[k], panels[m]) else _share_of_curved(panels[k], panels[m], eyes[k])
+                )
+                if share > 0.0:
+                    yield FoldedOverlap(panels[k], panels[m], share)
+                continue
             seen = _cut(away[m], away[k])
             if _width(seen) > WIDEST_SEAM * min(panels[m].pitch):
                 yield FoldedOverlap(panels[k], panels[m], _area(seen) / _area(away[m]))
+
+
+def _cone(panel: Panel, eye: Float64) -> tuple[Float64, float]:
+    """Axis, unit, and half angle, radians, of a cone around what an eye sees of a panel."""
+    edges = _around(panel) if panel.surface is None else panel.surface.outline()
+    directions = (edges - eye) / np.linalg.norm(edges - eye, axis=1, keepdims=True)
+    axis = directions.sum(axis=0) / np.linalg.norm(directions.sum(axis=0))
+    return axis, float(np.arccos(np.clip((directions @ axis).min(), -1.0, 1.0)))
+
+
+def _on_one_surface(first: Panel, second: Panel) -> bool:
+    one, other = first.surface, second.surface
+    return one is not None and other is not None and one.config.whole == other.config.whole
+
+
+def _share_of_curved(first: Panel, second: Panel, eye: Float64) -> float:
+    """What part of the second panel's cells an eye sees behind or before the first."""
+    inside = (np.arange(CELLS) + 0.5) / CELLS
+    (w, h), plane = second.pixels, second.plane
+    if second.surface is not None:
+        points = second.surface.points(w * inside, h * inside)[0].reshape(-1, 3)
+    else:
+        x, y = second.screen[0] + w * inside, (second.screen[1] + h * inside)[:, None]
+        points = (plane.origin + x[..., None] * plane.per_x + y[..., None] * plane.per_y).reshape(-1, 3)
+    edges = _around(first) if first.surface is None else first.surface.outline()
+    polygon, at = (pixels_seen(first.plane, first.screen, eye, p) for p in (edges, points))
+    return float(_inside(polygon, at).mean())
+
+
+def _inside(polygon: Float64, points: Float64) -> NDArray[np.bool_]:
+    """(n,) whether points (n, 2) are in a polygon (m, 2), by the parity of its edges to their right."""
+    found = np.zeros(len(points), np.bool_)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        spans = (points[:, 1] < y0) != (points[:, 1] < y1)
+        at = x0 + (points[spans, 1] - y0) * (x1 - x0) / (y1 - y0)
+        found[spans] ^= points[spans, 0] < at
+    return found
 
 
 def _around(panel: Panel) -> Float64:

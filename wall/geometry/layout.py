@@ -33,6 +33,10 @@ def place(panels: Sequence[Panel], *, regular: bool = False) -> Wall:
     faces: list[list[int]] = []
     overlaps: list[Overlap] = []
     screens: list[tuple[int, int]] = [(0, 0)] * len(panels)
+    curved = [k for k, panel in enumerate(panels) if panel.surface is not None]
+    faces.extend([k] for k in curved)
+    for sheet in _on_one_surface(panels, curved):
+        overlaps.extend(_overlaps(panels, sheet))
     for face in _in_one_plane(panels):
         found = _overlaps(panels, face)
         overlaps.extend(found)
@@ -70,13 +74,23 @@ def _spans(panels: Sequence[Panel], faces: list[list[int]]) -> list[tuple[int, i
     return spans
 
 
+def _on_one_surface(panels: Sequence[Panel], curved: Sequence[int]) -> list[list[int]]:
+    """Indices of curved panels that are parts of one cylinder or dome. Each is a face of its own, as its image is."""
+    sheets: dict[tuple[object, ...], list[int]] = {}
+    for k in curved:
+        surface = panels[k].surface
+        assert surface is not None
+        sheets.setdefault((surface.config.whole, panels[k].shift), []).append(k)
+    return list(sheets.values())
+
+
 def _in_one_plane(panels: Sequence[Panel]) -> list[list[int]]:
-    """Indices of panels that share a plane, its directions, and the eye's shift."""
+    """Indices of flat panels that share a plane, its directions, and the eye's shift."""
     right, down = _units(panels, "per_x"), _units(panels, "per_y")
     upper_left = np.array([p.plane.origin for p in panels])
     pitch = np.array([min(p.pitch) for p in panels])
     shift = np.array([p.shift for p in panels])
-    left, faces = np.arange(len(panels)), []
+    left, faces = np.array([k for k, panel in enumerate(panels) if panel.surface is None], np.int64), []
     while len(left):
         first = left[0]
         turned = np.linalg.norm(right[left] - right[first], axis=1) + np.linalg.norm(down[left] - down[first], axis=1)
@@ -94,8 +108,15 @@ def _units(panels: Sequence[Panel], name: str) -> Float64:
 
 
 def _rectangles(panels: Sequence[Panel], face: list[int]) -> tuple[Float64, Float64]:
-    """Top left and bottom right corners, each (n, 2) metres right and down of the first panel's, in the face."""
+    """Top left and bottom right corners, each (n, 2) metres right and down of the first panel's, in the face.
+
+    On a surface that they share: along it, from where it is straight ahead.
+    """
     own = [panels[k] for k in face]
+    curved = [panel.surface.config for panel in own if panel.surface is not None]
+    if curved:
+        low = np.array([part.place for part in curved])
+        return low, low + np.array([part.size for part in curved])
     right, down = _units(own[:1], "per_x")[0], _units(own[:1], "per_y")[0]
     away = np.array([p.plane.origin - own[0].plane.origin for p in own])
     low = np.stack([away @ right, away @ down], axis=1)
@@ -112,7 +133,7 @@ def _as_they_stand(panels: Sequence[Panel], face: list[int]) -> list[tuple[int, 
 def _overlaps(panels: Sequence[Panel], face: list[int]) -> list[Overlap]:
     low, high = _rectangles(panels, face)
     shared = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
-    pitch = np.array([panels[k].pitch for k in face])
+    pitch = np.array([panels[k].lit_pitch for k in face])
     least = TOUCHING * np.minimum(pitch[:, None], pitch[None])
     found = []
     for i, j in np.argwhere(np.triu((shared > least).all(axis=2), 1)):

@@ -14,30 +14,11 @@ import numpy as np
 from wall.config.displays import BlendConfig, SidesConfig
 from wall.config.screens import PanelConfig
 from wall.core.data import Float64
+from wall.geometry.plane import Plane as Plane
 from wall.geometry.scan import Scan
+from wall.geometry.surfaces import Surface
 
 NO_VIEW = -1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plane:
-    """Virtual-screen pixels to metres: the point of (X, Y) is origin + X * per_x + Y * per_y, wall frame."""
-
-    origin: Float64  # (3,) metres, the virtual screen's top left corner
-    per_x: Float64  # (3,) metres a pixel to the right
-    per_y: Float64  # (3,) metres a pixel down
-
-    def point(self, x: float, y: float) -> Float64:
-        """(3,) float64, metres, wall frame, of virtual-screen pixel coordinates."""
-        found: Float64 = self.origin + x * self.per_x + y * self.per_y
-        return found
-
-    @property
-    def normal(self) -> Float64:
-        """(3,) float64, unit, towards the viewer."""
-        across = np.cross(self.per_y, self.per_x)
-        found: Float64 = across / np.linalg.norm(across)
-        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,6 +43,7 @@ class Panel:
     view: int = 0  # index in Config.views: what it shows, but for insets; NO_VIEW: these cover all of it
     scan: Scan | None = None  # when its display lights it; None: all rows at once
     inset_of: int | None = None  # an inset: index of the panel whose pixels it covers with another view
+    surface: Surface | None = None  # where its pixels are if it is curved: its plane then is of the flat image alone
 
     @property
     def on_panel(self) -> int:
@@ -78,6 +60,11 @@ class Panel:
     def pitch(self) -> tuple[float, float]:
         """Metres a pixel, across and down."""
         return float(np.linalg.norm(self.plane.per_x)), float(np.linalg.norm(self.plane.per_y))
+
+    @property
+    def lit_pitch(self) -> tuple[float, float]:
+        """Metres a pixel of what shines, across and down: along the surface of a curved panel."""
+        return self.pitch if self.surface is None else self.surface.pitch
 
     @property
     def lit(self) -> Float64:
@@ -148,6 +135,8 @@ class Wall:
     @property
     def flat(self) -> bool:
         """Whether all panels lie in one plane (to a millionth of the wall's size) and face the same way."""
+        if any(panel.surface is not None for panel in self.panels):
+            return False
         normal = self.panels[0].plane.normal
         corners = np.concatenate([panel.corners for panel in self.panels]) - self.panels[0].corners[0]
         size = float(np.abs(corners).max())

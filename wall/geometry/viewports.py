@@ -78,7 +78,7 @@ def _inset(panel: Panel, rect: Rect, view: ViewConfig, index: int) -> Panel:
     size = (rect.width, rect.height)
     return replace(
         panel, id=f"{panel.id}.{view.id}", pixels=size, screen=(rect.x, rect.y), span=size, blend=None, view=index,
-        inset_of=panel.index, scan=_scan_of(panel, rect),
+        inset_of=panel.index, scan=_scan_of(panel, rect), surface=None,
     )  # fmt: skip
 
 

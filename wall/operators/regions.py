@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import BLANK, Channels, Framelet, Rect
+from wall.operators.kernels import resample as kernels
 
 MIXED: Channels = frozenset({"colour", "alpha", "variance", "albedo", "normal"})  # may be computed of several pixels
 WHOLE: Channels = frozenset({"depth", "time", "object_id"})  # not so: a mean of two surfaces would be of neither
@@ -78,6 +79,24 @@ def copy_nearest(
     for name in out.channels & WHOLE:
         nearest = timed(out, source, name, source.channel(name)[y, x])
         np.copyto(pixels_of(out, name, region), nearest, where=where)
+
+
+def look_up(source: Framelet, out: Framelet, region: Rect, positions: NDArray[np.int32]) -> None:
+    """Write the pixels of a region, each from its position (h, w, 2) in the source; see kernels.look_up_bilinear."""
+    positions = np.ascontiguousarray(positions)
+    blank(out, region)
+    for name in out.channels & MIXED:
+        here = pixels_of(out, name, region)
+        planes, found = (a.reshape(*a.shape[:2], -1) for a in (source.channel(name), here.copy()))
+        kernels.look_up_bilinear(planes, positions, name == "variance", found)
+        here[...] = found.reshape(here.shape)
+    if not out.channels & WHOLE:
+        return
+    inside = positions[..., 0] != kernels.NOWHERE
+    size = (source.rect.width, source.rect.height)
+    rounded = (positions + kernels.SUBPIXELS // 2) // kernels.SUBPIXELS
+    x, y = (np.clip(rounded[..., c], 0, size[c] - 1) for c in range(2))
+    copy_nearest(source, out, region, y, x, where=inside)
 
 
 def copy_all(inputs: Sequence[Framelet], out: Framelet, region: Rect) -> None:

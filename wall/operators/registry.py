@@ -10,6 +10,7 @@ from wall.operators.arrange import Crop, Flip, Rotate, Tile
 from wall.operators.base import Operator
 from wall.operators.blend_edges import BlendEdges
 from wall.operators.colour import Colour, Encode
+from wall.operators.curve import Curve
 from wall.operators.denoise import Denoise
 from wall.operators.depth import Depth
 from wall.operators.legend import Legend
@@ -35,8 +36,8 @@ def name_of(operator: type[Operator]) -> str | None:
 
 
 BUILT_IN: tuple[type[Operator], ...] = (
-    AgeBlend, Average, BlendEdges, Colour, Constant, Crop, Denoise, Depth, Encode,
-    Flip, ImageSource, Legend, Mask, Newest, Over, Overlay, Rotate, Scale, Tile, Warp,
+    AgeBlend, Average, BlendEdges, Colour, Constant, Crop, Curve, Denoise, Depth,
+    Encode, Flip, ImageSource, Legend, Mask, Newest, Over, Overlay, Rotate, Scale, Tile, Warp,
 )  # fmt: skip
 OPERATORS: dict[str, type[Operator]] = {str(name_of(operator)): operator for operator in BUILT_IN}
 RESERVED = frozenset({"samples", "reconstruct", "sky", "sink"})  # nodes of a graph that are not operators

@@ -22,7 +22,7 @@ from wall.core.files import read_file
 from wall.operators.base import Input, Operator
 from wall.operators.bounded_yaml import BoundedComposer
 from wall.operators.kernels import resample as kernels
-from wall.operators.regions import MIXED, blank, copy_nearest, pixels_of
+from wall.operators.regions import look_up
 
 MOST_BYTES = 1 << 23  # of a file: 65,536 points of 128 characters
 Nodes = Annotated[Whole, Ge(2), Le(1024)]
@@ -101,19 +101,7 @@ class Warp(Operator):
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: WarpTables) -> None:
         """Write the warped pixels of a region."""
-        source = inputs[0]
-        positions = np.ascontiguousarray(prepared.table(source.rect)[region.inside(out.rect)])
-        blank(out, region)
-        for name in out.channels & MIXED:
-            here = pixels_of(out, name, region)
-            planes, warped = (a.reshape(*a.shape[:2], -1) for a in (source.channel(name), here.copy()))
-            kernels.look_up_bilinear(planes, positions, name == "variance", warped)
-            here[...] = warped.reshape(here.shape)
-        inside = positions[..., 0] != kernels.NOWHERE
-        size = (source.rect.width, source.rect.height)
-        rounded = (positions + kernels.SUBPIXELS // 2) // kernels.SUBPIXELS
-        x, y = (np.clip(rounded[..., c], 0, size[c] - 1) for c in range(2))
-        copy_nearest(source, out, region, y, x, where=inside)
+        look_up(inputs[0], out, region, prepared.table(inputs[0].rect)[region.inside(out.rect)])
 
 
 def read_mesh(path: Path) -> Mesh:

@@ -21,7 +21,7 @@ from wall.core.data import NO_EDITS, Edits, Event, Region
 from wall.core.errors import ConfigError, RemoteProtocolError, SceneError
 from wall.geometry.cameras import Lens, View, resolve_view
 from wall.geometry.checks import check_wall
-from wall.geometry.expanding import expand
+from wall.geometry.expanding import wall_of
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.prediction import Predictor
 from wall.geometry.strips import Strips
@@ -163,7 +163,7 @@ class Plan:
 
 def make_layout(loaded: Loaded) -> Layout:
     """Everything that can be refused before a scene is loaded. Raises ConfigError."""
-    wall = with_views(loaded, expand(loaded.config.wall))
+    wall = with_views(loaded, wall_of(loaded))
     notes = check_wall(loaded, wall)
     graph = build(loaded, wall)
     wall = graph.with_panels_of_layers(wall)

@@ -10,6 +10,7 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 SUBPIXELS = 4096  # steps a pixel of positions: rounding moves an edge of height 1 by 1/8192 at most
 SUBPIXEL = np.float32(1.0 / SUBPIXELS)
 NOWHERE = -(1 << 31)  # x of a display pixel that no cell of the mesh covers
+FARTHEST = 1e5  # pixels, of positions beside an image: its edge is taken there
 EDGE = 1e-9  # of a cell: what lies on the edge of two belongs to one of them at least
 
 
@@ -137,6 +138,30 @@ def descending(values, order):
     if values[b] > values[a]:
         a, b = b, a
     order[0], order[1], order[2] = a, b, c
+
+
+@kernel
+def project_points(points, eye, flat_from_wall, positions):
+    """Where an eye sees points through an image.
+
+    Parameters
+    ----------
+    points : (h, w, 3) float64; eye : (3,) float64, of the same frame
+    flat_from_wall : (3, 3) float64, from what is seen, less the eye, to v, x v, y v of image pixels (x, y)
+    positions : (h, w, 2) int32, written: see look_up_bilinear; NOWHERE for what is not before the eye
+    """
+    m = flat_from_wall
+    for i in range(positions.shape[0]):
+        for j in range(positions.shape[1]):
+            x, y, z = points[i, j, 0] - eye[0], points[i, j, 1] - eye[1], points[i, j, 2] - eye[2]
+            scale = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z
+            if not scale > 0.0:
+                positions[i, j, 0], positions[i, j, 1] = NOWHERE, NOWHERE
+                continue
+            for c in range(2):
+                at = (m[c + 1, 0] * x + m[c + 1, 1] * y + m[c + 1, 2] * z) / scale - 0.5
+                at = min(max(at, -FARTHEST), FARTHEST)
+                positions[i, j, c] = np.int32(np.floor(at * SUBPIXELS + 0.5))
 
 
 @kernel

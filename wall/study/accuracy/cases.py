@@ -6,6 +6,7 @@ from wall.core.errors import ConfigError
 from wall.study import options
 from wall.study.accuracy import (
     accumulation,
+    curved,
     inputs,
     light,
     motion,
@@ -21,7 +22,7 @@ from wall.study.accuracy.case import Case
 
 CASES: tuple[Case, ...] = (
     *place.CASES, *watertight.CASES, *light.CASES, *surfaces.CASES, *reprojection.CASES, *motion.CASES,
-    *accumulation.CASES, *seams.CASES, *wire.CASES, *inputs.CASES, *rest.CASES,
+    *accumulation.CASES, *seams.CASES, *curved.CASES, *wire.CASES, *inputs.CASES, *rest.CASES,
 )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from wall.config.sampling import FramelessSampling
 from wall.config.screens import GridConfig, WallConfig
 from wall.config.views import KeyframesPathConfig
 from wall.geometry.cameras import resolve_view
-from wall.geometry.expanding import expand
+from wall.geometry.expanding import wall_of
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.study.quality.method import Setup
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -73,7 +73,7 @@ def on_one_panel(loaded: Loaded, size: tuple[int, int]) -> Loaded:
 
 def _angle_seen(loaded: Loaded) -> float:
     """Degrees that the wall, or the panel ahead of one that is not flat, spans from top to bottom before the eye."""
-    view = resolve_view(loaded, expand(loaded.config.wall), (0.0, 0.0, 0.0), 1.0)
+    view = resolve_view(loaded, wall_of(loaded), (0.0, 0.0, 0.0), 1.0)
     return math.degrees(2.0 * math.atan(view.spread / 2.0))
 
 
