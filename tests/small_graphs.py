@@ -10,7 +10,7 @@ from wall.compositing.build import build
 from wall.compositing.graph import Graph
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
-from wall.geometry.expanding import expand
+from wall.geometry.expanding import wall_of
 
 WALL = "wall: {grid: {columns: 2, rows: 1, pixels: [8, 6], size: [0.8, 0.6]}}"  # r0c0 at x 0, r0c1 at x 8
 ABOVE = """\
@@ -18,12 +18,12 @@ version: 1
 scene: {source: courtyard}
 """
 BELOW = """\
-views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}}]
+views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}VIEW}]
 """
 
 
-def text_of(graph: str, *, wall: str = WALL, more: str = "") -> str:
-    return f"{ABOVE}{wall}\n{BELOW}{more}{graph}"
+def text_of(graph: str, *, wall: str = WALL, more: str = "", view: str = "") -> str:
+    return f"{ABOVE}{wall}\n{BELOW.replace('VIEW', ', ' * bool(view) + view)}{more}{graph}"
 
 
 def nodes(*lines: str, head: str = "") -> str:
@@ -31,9 +31,9 @@ def nodes(*lines: str, head: str = "") -> str:
     return "graph:\n" + head + "  nodes:\n" + "".join(f"    - {{{line}}}\n" for line in lines)
 
 
-def built(graph: str, *, wall: str = WALL, more: str = "") -> Graph:
-    loaded = loads(text_of(graph, wall=wall, more=more), name="a.yaml", path=Path("a.yaml"))
-    return build(loaded, expand(loaded.config.wall))
+def built(graph: str, *, wall: str = WALL, more: str = "", view: str = "") -> Graph:
+    loaded = loads(text_of(graph, wall=wall, more=more, view=view), name="a.yaml", path=Path("a.yaml"))
+    return build(loaded, wall_of(loaded))
 
 
 def refusals(graph: str, *, wall: str = WALL, more: str = "") -> list[str]:

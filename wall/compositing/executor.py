@@ -85,7 +85,7 @@ class Executor:
             for region in found.get(source, ())
         )
         regions = [region for region in touched if region is not None]
-        if regions and (self._shows_another_time(s, event) or self._shows_another_eye(s)):
+        if regions and self._shows_another_time(s, event):
             return [s.rect]
         if s.index in self._redrawn:
             regions.append(self._redrawn.pop(s.index))
@@ -97,13 +97,6 @@ class Executor:
             return False
         shown = self.framelets[s.index].event
         return s.index in self._reprojected or shown is None or not same_time(shown, event)
-
-    def _shows_another_eye(self, s: Step) -> bool:
-        """Whether all of a step must be recomputed, since the eye has moved on which its pixels depend."""
-        if not s.node.FOLLOWS_EYE:
-            return False
-        shown, given = self.framelets[s.index].event, self.framelets[s.inputs[0]].event
-        return given is not None and (shown is None or shown.camera.eye != given.camera.eye)
 
     def _apply(self, s: Step, regions: Regions, event: Event | None) -> None:
         assert isinstance(s.node, Operator)

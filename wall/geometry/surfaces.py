@@ -22,6 +22,7 @@ from wall.geometry.plane import Plane
 STEEPEST = 75.0  # degrees from straight before the flat image: there its pixels look 15 times as small as in its middle
 NODES = 65  # a side, at which a surface is looked at
 MARGIN = 1  # pixels around what the eyes see: what lies between nodes, and neighbours to interpolate with
+LEAST_STEP = 1e-3  # of the widest step between nodes: at a dome's zenith they meet
 NEAREST_M = 1e-4  # of an eye before the flat image
 
 
@@ -153,12 +154,15 @@ def _check_sight(away: Float64, normals: Float64, before: float, depth: Float64)
 
 
 def density(surface: Surface, plane: Plane, screen: tuple[int, int], eye: Float64) -> tuple[float, float]:
-    """The least and the largest number of the flat image's pixels for one of a panel's, across or down, for an eye."""
-    w, h = surface.pixels
-    at = pixels_seen(plane, screen, eye, surface.nodes()[0])
-    across = np.linalg.norm(np.diff(at, axis=1), axis=2) * (NODES - 1) / w
-    down = np.linalg.norm(np.diff(at, axis=0), axis=2) * (NODES - 1) / h
-    return float(min(across.min(), down.min())), float(max(across.max(), down.max()))
+    """The least and the largest number of the flat image's pixels for the pitch of a panel's, across or down."""
+    points = surface.nodes()[0]
+    at = pixels_seen(plane, screen, eye, points)
+    found = []
+    for axis, pitch in ((1, surface.pitch[0]), (0, surface.pitch[1])):
+        metres, pixels = (np.linalg.norm(np.diff(each, axis=axis), axis=2) for each in (points, at))
+        somewhere = metres > LEAST_STEP * metres.max()
+        found.append(pixels[somewhere] / metres[somewhere] * pitch)
+    return float(min(each.min() for each in found)), float(max(each.max() for each in found))
 
 
 def pixels_seen(plane: Plane, screen: tuple[int, int], eye: Float64, points: Float64) -> Float64:

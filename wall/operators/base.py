@@ -46,7 +46,6 @@ class Node(Model):
     GIVES: ClassVar[Literal["nothing", "samples", "framelet"]] = "framelet"
     MAKES: ClassVar[Channels] = frozenset()  # that its output always holds: it needs them for its own work
     KEEPS_RAYS: ClassVar[bool] = True  # a pixel keeps the ray of its panel's pixel: no turning, scaling or warping
-    FOLLOWS_EYE: ClassVar[bool] = False  # where its pixels come from depends on where the viewer's eye is
     COMMON_TIME: ClassVar[bool] = False  # it compares values, so all inputs must show the same time
 
     @property

@@ -68,7 +68,6 @@ class Curve(Operator):
     panel: Name = Field(description="id of the curved panel")
 
     KEEPS_RAYS: ClassVar[bool] = False
-    FOLLOWS_EYE: ClassVar[bool] = True
 
     _image: CurvedImage | None = PrivateAttr(default=None)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from framelets import EVERY, random_framelet, rect
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from small_graphs import PANEL0, PANEL1, WHOLE, built, nodes
 
 from wall.compositing.executor import Executor, merged, same_time
@@ -246,3 +248,22 @@ def test_merged_regions_hold_the_same_pixels_or_all_of_a_box_that_is_mostly_dirt
     assert len(merged(regions)) <= len(regions)
     if len(merged(regions)) > 1:
         assert (after == before).all()
+
+
+def test_a_curved_image_is_made_anew_where_the_eye_has_moved(random_numbers: np.random.Generator) -> None:
+    surface = "surface: {type: cylinder, radius: 1, angles: [-30, 30], heights: [0, 0.6]}"
+    wall = f"wall: {{panels: [{{id: r0c0, pixels: [40, 24], {surface}}}]}}"
+    lines = (*PANEL0, "id: c, op: curve, input: p0, panel: r0c0", "id: png, op: sink, kind: png, input: c")
+    graph = built(nodes(*lines), wall=wall, view="eye: [0, 0.3, 0], tracking: {reach: 0.2}")
+    p0 = graph.step("p0")
+    flat = random_framelet(random_numbers, p0.rect, channels=p0.channels, encoded=p0.encoded)
+    executor, made = Executor(graph, 0, {p0.index: flat}, Path()), list[NDArray[np.uint8]]()
+    for number, eye in enumerate([(0.0, 0.0, 0.0), (0.1, -0.1, 0.2), (0.0, 0.0, 0.0)]):
+        camera = replace(STILL, eye=eye)
+        flat.event = Event(view=0, camera_event=number, scene_event=0, scene_time=0.0, input_time=0.0, camera=camera)
+        executor.step({p0.index: [rect(0, 0, 8, 8)]}, flat.event)  # the rest is as it was
+        made.append(executor.framelets[graph.step("c").index].colour.copy())
+
+    assert np.array_equal(made[0], made[2])
+    moved = (made[0] != made[1]).any(axis=2)
+    assert moved[:, 30:].mean() > 0.9

@@ -85,3 +85,43 @@ def test_windows_of_one_panel_on_two_ranks_are_not_refused() -> None:
     graph = built(nodes(*WHOLE[:5], f"{WINDOW}, on: head", other, head="  compositors: 2\n"))
 
     assert {sink.id: graph.step(sink.id).rank for sink in graph.sinks} == {"out.0": 0, "out.1": 0, "other": 1}
+
+
+CURVED = """\
+wall:
+  panels:
+    - {id: r0c0, pixels: [8, 6], corners: {lower_left: [0, 0, 0], lower_right: [0.8, 0, 0], upper_left: [0, 0.6, 0]}}
+    - id: r0c1
+      pixels: [10, 6]
+      surface: {type: cylinder, radius: 1, angles: [-30, 30], heights: [0, 0.6]}
+      eye: [0, 0.3, 0.5]
+      overlap: {left: 0.2}
+      blend: {left: 0.2}
+"""
+
+
+def test_a_curved_panel_s_window_bends_its_image_before_the_ramps() -> None:
+    graph = built(nodes(*WHOLE[:5], WINDOW), wall=CURVED)
+
+    assert before(graph, "out.0") == ["tile", "crop"]
+    assert before(graph, "out.1") == ["tile", "crop", "curve", "blend_edges"]
+    blend = graph.step("out.1.blend").node
+    assert blend.left == 2  # type: ignore[attr-defined]  # 0.2 m of pixels of pi / 30 m along the arc
+
+
+def test_curve_takes_a_curved_panel_s_flat_image_alone() -> None:
+    png = "id: png, op: sink, kind: png, input: w"
+    graph = built(
+        nodes(*WHOLE[:5], png, "id: c, op: curve, input: p1, panel: r0c1", "id: b, op: sink, kind: png, input: c"),
+        wall=CURVED,
+    )
+    assert graph.step("c").rect == graph.step("p1").rect
+
+    for node, said in (
+        ("id: c, op: curve, input: p0, panel: r0c0", "panel = 'r0c0': r0c0 is flat; accepted: a panel with a surface"),
+        ("id: c, op: curve, input: w, panel: r0c1", "input = 'w': w is not the flat image of panel r0c1"),
+        ("id: c, op: curve, input: p0, panel: r0c1", "input = 'p0': p0 is not the flat image of panel r0c1"),
+        ("id: c, op: curve, input: p1, panel: no", "panel = 'no': there is no such panel"),
+    ):
+        lines = refusals(nodes(*WHOLE[:5], png, node, "id: b, op: sink, kind: png, input: c"), wall=CURVED)
+        assert said in lines[0]

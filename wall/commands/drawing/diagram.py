@@ -57,17 +57,28 @@ def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float
     names = list(dict.fromkeys(panel.of or panel.id for panel in panels))
     eyes = {tuple(eye_of(panel, eye, separation)) for panel in panels}
     processes = {_maker(layout.graph, panel.index) for panel in panels}
+    arc = None if first.surface is None else first.surface.outline()
     hung = dict.fromkeys(" ".join(filter(None, (panel.config.host, panel.config.display))) for panel in panels)
     return Screen(
         id=_together(names),
         pixels=first.pixels,
-        corners=first.lit,
+        corners=first.lit if arc is None else _corners(arc),
+        arc=arc,
         bezel=(first.config.bezel.left, first.config.bezel.right, first.config.bezel.top, first.config.bezel.bottom),
         eyes=tuple(np.array(one) for one in sorted(eyes)),
         notes=(*_peculiar(panels, len(eyes)), *(host for host in hung if host not in ("", first.id))),
         process=processes.pop() if len(processes) == 1 else "",
         panels=tuple(panel.id for panel in panels) if len(panels) > 1 else (),
     )
+
+
+def _corners(arc: Float64) -> Float64:
+    """(3, 3) rows lower left, lower right, upper left of a curved screen that is drawn flat, as wide as its chords."""
+    lower_left, lower_right, upper_right, upper_left = arc.reshape(4, -1, 3)[:, 0]
+    across = lower_right - lower_left
+    up = (upper_left + upper_right - lower_left - lower_right) / 2
+    up = up - (up @ across) / (across @ across) * across
+    return np.array([lower_left, lower_right, lower_left + up])
 
 
 def _together(names: list[str]) -> str:

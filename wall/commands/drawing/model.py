@@ -26,6 +26,7 @@ class Screen:
     notes: tuple[str, ...] = ()  # further lines of its label
     process: str = ""  # that makes its image; "" = several processes or none
     panels: tuple[str, ...] = ()  # ids of its panels, where there are several
+    arc: Float64 | None = None  # (n, 3) metres, wall frame: around what shines, if it is curved; corners are on it
 
     def shares_eye(self, other: Screen) -> bool:
         """Whether one eye looks at both."""

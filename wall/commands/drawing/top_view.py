@@ -37,6 +37,7 @@ class TopView:
     """Screens, eyes and frusta, metres, x and z of the wall frame."""
 
     screens: tuple[Float64, ...]  # (4, 2) each: a line, seen from above, for an upright screen; without repetition
+    # a curved screen: (n, 2) around it
     eyes: tuple[Float64, ...]  # (2,) each
     wedges: tuple[Wedge, ...]
 
@@ -82,7 +83,10 @@ def top_view(screens: Sequence[Screen]) -> TopView:
 
 
 def _outline(screen: Screen) -> Float64:
-    """(4, 2) corners of a screen from above."""
+    """(4, 2) corners of a screen from above; (n, 2) around a curved one."""
+    if screen.arc is not None:
+        around: Float64 = screen.arc[:, [0, 2]]
+        return around
     lower_left, lower_right, upper_left = screen.corners[:, [0, 2]]
     return np.array([lower_left, lower_right, lower_right + upper_left - lower_left, upper_left])
 

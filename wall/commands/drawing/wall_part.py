@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -168,6 +168,9 @@ class _WallDrawing:
         for eye, end in part.top.edges(most=2 * MOST_FRUSTA):
             page.stroke(on_page(np.array([eye, end])), line=FRUSTUM, width=THIN_PT, level=-2)
         for outline in part.top.screens:
+            if len(outline) > 4:
+                self._arc(outline, on_page)
+                continue
             normal = _across(outline)
             if normal is None:  # a floor, or tilted
                 page.stroke(on_page(outline), closed=True, fill=BEZEL, line=None, alpha=0.15, level=-1)
@@ -179,6 +182,20 @@ class _WallDrawing:
         for eye in part.top.eyes:
             x, y = on_page(eye)
             page.dot(x, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT, gid="eye", level=2)
+
+    def _arc(self, outline: Float64, on_page: Callable[[Float64], Float64]) -> None:
+        """Draw a curved screen from above: its lower edge, and its area where that is not below the upper one."""
+        edge, sides = outline[: len(outline) // 4 + 1], len(outline) // 4
+        upper = outline[3 * sides : 2 * sides - 1 : -1]
+        if float(np.linalg.norm(edge[: len(upper)] - upper, axis=1).max()) > 0.02 * float(np.ptp(edge, axis=0).max()):
+            self._page.stroke(on_page(outline), closed=True, fill=BEZEL, line=None, alpha=0.15, level=-1)
+            self._page.stroke(on_page(outline), closed=True, width=LINE_PT)
+            return
+        self._page.stroke(on_page(edge), width=2 * LINE_PT, level=1)
+        for end, before in ((edge[0], edge[1]), (edge[-1], edge[-2])):
+            normal = _across(np.array([end, before, before, end]))
+            if normal is not None:
+                self._page.stroke(on_page(end) + np.outer([-0.8, 0.8], normal), width=THIN_PT)
 
     def _eye_text(self) -> str:
         """The caption of the top view: the eye's position, or the number of eyes."""
