@@ -11,7 +11,7 @@ from wall.compositing.build import build
 from wall.config import json_schema
 from wall.config.loading import dump, load, loads
 from wall.geometry.cameras import View, resolve_view
-from wall.geometry.expanding import expand
+from wall.geometry.expanding import wall_of
 from wall.geometry.panels import NO_VIEW
 from wall.geometry.viewports import with_views
 
@@ -71,6 +71,8 @@ RANKS = {
     "views/integrators": 3,
     "views/map_inset": 3,
     "views/side_by_side": 3,
+    "walls/cylinder": 6,
+    "walls/dome": 5,
     "walls/large": 90,
     "walls/mixed_densities": 4,
     "walls/projectors": 4,
@@ -96,7 +98,7 @@ def test_shipped_configuration_comes_back_from_its_dump(path: Path) -> None:
 @pytest.mark.parametrize("path", SHIPPED, ids=shipped_name)
 def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) -> None:
     loaded = load(path)
-    wall = with_views(loaded, expand(loaded.config.wall))
+    wall = with_views(loaded, wall_of(loaded))
     graph = build(loaded, wall)
 
     count = range(len(loaded.config.views))

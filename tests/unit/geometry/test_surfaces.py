@@ -11,16 +11,17 @@ from numpy.testing import assert_allclose
 
 from wall.config.loading import Loaded, loads
 from wall.config.yaml_text import write
-from wall.core.data import Event
+from wall.core.data import Event, Framelet
 from wall.core.errors import ConfigError
 from wall.geometry.cameras import PanelView, look_at, resolve_view
 from wall.geometry.checks import check_wall
 from wall.geometry.expanding import expand, expanded_config, wall_of
 from wall.geometry.frusta import project
 from wall.geometry.panels import Panel, Wall
+from wall.geometry.rects import panel_rect
 from wall.geometry.seats import curved_image
 from wall.geometry.surfaces import density
-from wall.operators.curve import Positions
+from wall.operators.curve import Curve, Positions
 from wall.operators.kernels.resample import SUBPIXELS
 
 ROUNDING = 0.51 / SUBPIXELS  # pixels: half a step of positions, and float64
@@ -135,6 +136,25 @@ def test_the_flat_image_is_about_as_fine_as_the_panel() -> None:
     least, most = density(shown.surface, shown.plane, shown.screen, np.array([0.0, 0.15, 0.0]))
     assert least == pytest.approx(np.cos(np.pi / 6), rel=0.002)
     assert most == pytest.approx(np.pi / 6 / np.tan(np.pi / 6) / np.cos(np.pi / 6) ** 2, rel=0.02)
+
+
+def test_a_curved_pixel_is_linear_between_those_of_the_flat_image() -> None:
+    """A wave in the flat image, 12 pixels long: off by at most M / 8 across and as much down, M its curvature."""
+    surface = {**BENT, "angles": [-45.0, 45.0]}
+    loaded = loaded_of([panel(surface, pixels=[200, 100])], eye=[0.3, 0.2, 0.1])
+    (shown,) = wall_of(loaded).panels
+    positions, k = Positions(curved_image(shown, loaded.config.views)), 2.0 * np.pi / 12.0
+    flat = Framelet.blank(panel_rect(shown), frozenset({"colour"}))
+    y, x = np.mgrid[:100, :200]
+    flat.colour[...] = (0.5 + 0.25 * np.sin(k * x) + 0.25 * np.sin(k * y))[..., None]
+    flat.event, bent = event(), Framelet.blank(panel_rect(shown), frozenset({"colour"}))
+    Curve(op="curve", id="c", input="p", panel="a").apply([flat], bent, flat.rect, positions)
+
+    at = positions.table(flat.event) / SUBPIXELS
+    exact = 0.5 + 0.25 * np.sin(k * at[..., 0]) + 0.25 * np.sin(k * at[..., 1])
+    worst = float(np.abs(bent.colour[..., 0] - exact).max())
+    bound = 2 * 0.25 * k * k / 8.0
+    assert 0.8 * bound < worst <= bound * 1.001  # the bound is reached where both waves have their tops
 
 
 def test_an_image_that_is_much_coarser_or_finer_is_noted() -> None:

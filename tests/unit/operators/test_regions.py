@@ -13,11 +13,19 @@ from PIL import Image
 
 from wall.core.data import ORIGIN_STEP_S, Framelet, Rect
 from wall.operators.base import Operator
+from wall.operators.curve import Curve, CurvedImage
 from wall.operators.registry import OPERATORS
 
 THREE = ("a", "b", "c")
 PLACES = [rect(0, 0, 11, 9), rect(2, -3, 11, 9), rect(-4, 2, 7, 8)]
 BENT = {"columns": 3, "rows": 2, "points": [[0.1, 0.0], [0.5, 0.1], [1.0, 0.05], [0.0, 0.9], [0.45, 1.1], [0.9, 1.0]]}
+ARC = np.linspace(-0.5, 0.5, 11)
+BOWL = CurvedImage(  # 11 x 9 points of a cylinder behind a window in the plane z = 0
+    centres=lambda: np.stack(np.broadcast_arrays(ARC, np.linspace(0.4, -0.4, 9)[:, None], -(1 - ARC**2)), axis=-1),
+    window=np.array([[-0.5, 0.4, 0.0], [0.1, 0.0, 0.0], [0.0, -0.1, 0.0]]),
+    eye=np.array([0.1, 0.0, 1.5]),
+    tracked=True,
+)
 CASES: dict[str, tuple[Operator, int]] = {  # the operator, and how many inputs it gets
     "age_blend": (made(OPERATORS["age_blend"], inputs=THREE, tau_s=0.7), 3),
     "average": (made(OPERATORS["average"], inputs=THREE), 3),
@@ -25,6 +33,7 @@ CASES: dict[str, tuple[Operator, int]] = {  # the operator, and how many inputs 
     "colour": (made(OPERATORS["colour"], input="a", gain=(1.5, 0.5, 1.0), gamma=1.7, lut="warm.cube", opacity=0.8), 1),
     "constant": (made(OPERATORS["constant"], area=(3, 4, 9, 8), colour=(0.1, 2.0, 0.3), alpha=0.5, depth=4.0), 0),
     "crop": (made(OPERATORS["crop"], input="a", area=(-1, 1, 9, 9)), 1),
+    "curve": (Curve(op="curve", id="it", input="a", panel="p").placed(BOWL), 1),
     "denoise": (made(OPERATORS["denoise"], input="a"), 1),
     "depth": (made(OPERATORS["depth"], inputs=THREE), 3),
     "encode": (made(OPERATORS["encode"], input="a"), 1),

@@ -62,7 +62,7 @@ def curved_panels(width: int) -> Found:
             shown = _shown(panel, view, event, _spheres(panel, eye, event, at))
             for (x, y), off in zip(at, _offsets(shown, at), strict=True):
                 if not off <= worst:
-                    worst, where = off, f"{screen.name}, pixel {x:g}, {y:g}" + ", tracked" * tracked
+                    worst, where = float(off), f"{screen.name}, pixel {x:g}, {y:g}" + ", tracked" * tracked
             if not tracked:
                 pictures.append(picture(screen.name, shown))
     return Found(figure=worst, note=where, pictures=tuple(pictures))
