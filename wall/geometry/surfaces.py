@@ -58,7 +58,7 @@ class Surface:
     def nodes(self, count: int = NODES) -> tuple[Float64, Float64]:
         """(count, count, 3) metres, wall frame: points of it from edge to edge, and their normals."""
         w, h = self.pixels
-        share: Float64 = np.arange(count) / np.float64(count - 1)
+        share = np.linspace(0.0, 1.0, count, dtype=np.float64)
         return self.points(w * share, h * share)
 
     def points(self, x: Float64, y: Float64) -> tuple[Float64, Float64]:
@@ -83,8 +83,15 @@ class Surface:
 
     def centres(self) -> Float64:
         """(h, w, 3) metres, wall frame: the centres of its pixels."""
+        x, y = (np.arange(n, dtype=np.float64) + 0.5 for n in self.pixels)
+        return self.points(x, y)[0]
+
+    @property
+    def corners(self) -> Float64:
+        """(3, 3) metres, wall frame: rows lower left, lower right, upper left."""
         w, h = self.pixels
-        return self.points(np.arange(w) + 0.5, np.arange(h) + 0.5)[0]
+        grid = self.points(np.array([0.0, w]), np.array([0.0, h]))[0]
+        return np.array([grid[1, 0], grid[1, 1], grid[0, 0]])
 
     def outline(self, nodes: int = NODES) -> Float64:
         """(4 (nodes - 1), 3) metres, wall frame: around its edges, anticlockwise from the lower left corner."""

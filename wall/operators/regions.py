@@ -87,9 +87,11 @@ def look_up(source: Framelet, out: Framelet, region: Rect, positions: NDArray[np
     blank(out, region)
     for name in out.channels & MIXED:
         here = pixels_of(out, name, region)
-        planes, found = (a.reshape(*a.shape[:2], -1) for a in (source.channel(name), here.copy()))
+        written = np.ascontiguousarray(here)  # the same memory where the region is as wide as the framelet
+        planes, found = (a.reshape(*a.shape[:2], -1) for a in (source.channel(name), written))
         kernels.look_up_bilinear(planes, positions, name == "variance", found)
-        here[...] = found.reshape(here.shape)
+        if not np.may_share_memory(written, here):
+            here[...] = written
     if not out.channels & WHOLE:
         return
     inside = positions[..., 0] != kernels.NOWHERE

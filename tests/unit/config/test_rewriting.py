@@ -13,7 +13,7 @@ from wall.commands import terminal
 from wall.config.loading import load, loads
 from wall.config.rewriting import with_wall
 from wall.core.errors import ConfigError
-from wall.geometry.expanding import expand, expanded_config
+from wall.geometry.expanding import expand, expanded_config, wall_of
 from wall.geometry.panels import Wall
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -46,11 +46,11 @@ def test_shipped_configuration_spelled_out_has_the_same_rays(path: Path) -> None
 
     text = with_wall(loaded, expanded_config(loaded.config.wall))
 
-    again = loads(text).config
-    assert again.wall.grid is None
-    assert again.views == loaded.config.views
-    assert again.graph == loaded.config.graph
-    same_rays(expand(again.wall), expand(loaded.config.wall))
+    again = loads(text)
+    assert again.config.wall.grid is None
+    assert again.config.views == loaded.config.views
+    assert again.config.graph == loaded.config.graph
+    same_rays(wall_of(again), wall_of(loaded))
     assert text.splitlines()[:5] == path.read_text().splitlines()[:5]
 
 

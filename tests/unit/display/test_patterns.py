@@ -16,7 +16,7 @@ from wall.display.patterns import KINDS, Kind, pattern
 from wall.display.patterns.draw import CYAN, FAINT, GREEN, PLAIN, fitting_size, size_of
 from wall.display.patterns.gamma import CURVES, dither, gamma
 from wall.display.patterns.unfolding import round_number, unfold
-from wall.geometry.expanding import expand
+from wall.geometry.expanding import expand, wall_of
 from wall.geometry.panels import Wall
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -120,6 +120,14 @@ def test_circles_are_round_in_metres_where_pixels_are_not_square() -> None:
     across, along = (xs.max() - xs.min()) * 0.001, (ys.max() - ys.min()) * 0.002
     assert across == pytest.approx(0.21, abs=0.004)  # twice 0.35 of the shorter side
     assert along == pytest.approx(0.21, abs=0.004)
+
+
+def test_curved_panels_are_unrolled_as_long_as_their_arcs() -> None:
+    wall = wall_of(load(CONFIGS / "walls" / "cylinder.yaml"))
+    first, last = (unfold(wall.panels[k], wall) for k in (0, 4))
+    across = last.at(320, 0) - first.at(0, 0)
+    np.testing.assert_allclose(across, [np.radians(150) * 2.4, 0.0], atol=1e-9)
+    np.testing.assert_allclose(first.at(0, 384) - first.at(0, 0), [0.0, 1.5], atol=1e-9)
 
 
 def test_panels_at_angles_are_unfolded_with_no_gap_at_their_folds() -> None:

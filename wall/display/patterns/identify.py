@@ -69,7 +69,7 @@ def _corners(image: NDArray[np.uint8], panel: Panel, edge: int) -> None:
     height, width = image.shape[:2]
     gap = 2 * edge + max(2, height // 60)
     anchors = ((gap, height - gap, "lb"), (width - gap, height - gap, "rb"), (gap, gap, "lt"))
-    texts = [", ".join(f"{x:.3f}" for x in corner) for corner in panel.corners]
+    texts = [", ".join(f"{x:.3f}" for x in corner) for corner in (panel.surface or panel).corners]
     size = min(fitting_size(text, (0.4 * width, 0.035 * height)) for text in texts)
     for (x, y, anchor), text in zip(anchors, texts, strict=True):
         draw_text(image, text, (x, y), size, PLAIN, anchor=anchor)

@@ -81,9 +81,10 @@ def _flat_boxes(wall: Wall) -> list[_Box]:
 
 
 def _unfolded_boxes(wall: Wall) -> list[_Box]:
-    common = np.array(wall.panels[0].pitch)
+    common, pitches = np.array(wall.panels[0].lit_pitch), [p.lit_pitch for p in wall.panels]
     return [
-        (np.array(p.screen) * common, np.array([p.pitch[0], 0.0]), np.array([0.0, p.pitch[1]])) for p in wall.panels
+        (np.array(p.screen) * common, np.array([across, 0.0]), np.array([0.0, down]))
+        for p, (across, down) in zip(wall.panels, pitches, strict=True)
     ]
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wall.commands.drawing.diagram import diagram_of
+from wall.commands.drawing.front_view import front_view
 from wall.commands.drawing.model import TO, Diagram, Edge
+from wall.commands.drawing.top_view import top_view
 from wall.config.loading import load, loads
 from wall.roles.plan import make_layout
 
@@ -164,3 +167,15 @@ def test_skipped_bezels_are_left_out_of_the_lit_area() -> None:
         assert shown.corners[1][0] - shown.corners[0][0] == pytest.approx(1.0)
         assert shown.corners[2][1] - shown.corners[0][1] == pytest.approx(0.5)
     assert screens[1].corners[0][0] - screens[0].corners[1][0] == pytest.approx(0.04)
+
+
+def test_a_curved_screen_is_an_arc_from_above_and_as_wide_as_its_chord_from_the_front() -> None:
+    shown = diagram_of(make_layout(load(CONFIGS / "walls" / "cylinder.yaml")), samples_per_s=1e6)
+    above, front = top_view(shown.screens), front_view(shown.screens)
+    assert [len(arc) > 100 for arc in above.screens] == [True] * 5
+    for arc in above.screens:
+        assert np.linalg.norm(arc, axis=1) == pytest.approx(2.4)
+    assert front.kind == "unrolled"
+    assert [placed.size for placed in front.placed] == [pytest.approx((2 * 2.4 * np.sin(np.radians(15)), 1.5))] * 5
+    dome = diagram_of(make_layout(load(CONFIGS / "walls" / "dome.yaml")), samples_per_s=1e6)
+    assert (np.linalg.norm(top_view(dome.screens).screens[0], axis=1) < 4.0).all()
