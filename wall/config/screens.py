@@ -33,7 +33,6 @@ from wall.core.fields import (
     RefreshRate,
     Text,
     Whole,
-    check_one_named,
     refusal,
 )
 
@@ -205,7 +204,9 @@ class PanelConfig(Model):
 
     @model_validator(mode="after")
     def _sides_are_thin(self) -> PanelConfig:
-        check_one_named("corners", self.corners, "surface", self.surface)
+        if (self.corners is None) == (self.surface is None):
+            came = "has neither corners nor a surface" if self.corners is None else "has both corners and a surface"
+            raise refusal(came, accepted="exactly one of corners, surface")
         size = self._size()
         _check_sides("bezel", self.bezel, size)
         _check_sides("overlap", self.overlap, size)

@@ -29,6 +29,7 @@ BENT = {"type": "cylinder", "radius": 2.0, "angles": [-15.0, 45.0], "heights": [
 LEANING = {**BENT, "centre": [0.1, -0.2, 0.3], "axis": [0.1, 1.0, 0.3]}
 COLUMN = {"type": "cylinder", "radius": 1.0, "angles": [-25.0, 30.0], "heights": [-0.4, 0.5], "side": "outside"}
 DOME = {"type": "dome", "radius": 3.0, "tilt": 15.0, "azimuths": [-60.0, -10.0], "elevations": [20.0, 60.0]}
+FLAT = {"lower_left": [0.2, -0.3, -1.0], "lower_right": [0.6, -0.3, -1.0], "upper_left": [0.2, 0.0, -1.0]}
 EYES = {"bent": (BENT, [0.3, 0.2, 0.1]), "leaning": (LEANING, [-0.5, 0.1, 0.6]), "column": (COLUMN, [0.5, 0.2, 4.0])}
 EYES["dome"] = (DOME, [-0.4, 0.3, 0.5])
 CAMERA = look_at((3.0, 2.2, 4.1), (0.0, 0.6, 0.0), (0.1, 1.0, 0.2))
@@ -190,7 +191,8 @@ def test_an_eye_that_does_not_see_the_panel_s_front_is_refused(
 @pytest.mark.parametrize(
     ("keys", "said"),
     [
-        ({"surface": None}, "names neither an corners nor a surface"),
+        ({"surface": None}, "wall.panels[0]: has neither corners nor a surface; accepted: exactly one of"),
+        ({"corners": FLAT}, "wall.panels[0]: has both corners and a surface"),
         ({"bezel": 0.01}, "bezel = 0.01: a curved panel has no frame"),
         ({"row_time": 1e-6}, "rows of a curved panel are not rows of the flat image"),
         ({"surface": {**BENT, "angles": [10.0, -10.0]}}, "angles = [10.0, -10.0]: span -20 degrees"),
@@ -230,11 +232,10 @@ def test_parts_of_one_cylinder_overlap_along_the_arc() -> None:
 
 
 def test_what_an_eye_sees_before_or_behind_a_curved_panel_is_noted() -> None:
-    corners = {"lower_left": [0.2, -0.3, -1.0], "lower_right": [0.6, -0.3, -1.0], "upper_left": [0.2, 0.0, -1.0]}
-    flat = {"id": "b", "pixels": [40, 30], "corners": corners}
+    flat = {"id": "b", "pixels": [40, 30], "corners": FLAT}
     [note] = notes([panel(BENT), flat], eye=[0.0, 0.0, 0.5])
     assert "panel b: lights 1e+02 % of its area where the eye also sees panel a" in note.replace("\n", " ")
-    beside = {key: [x - 1.0, y, z] for key, (x, y, z) in corners.items()}
+    beside = {key: [x - 1.0, y, z] for key, (x, y, z) in FLAT.items()}
     assert notes([panel(BENT), {**flat, "corners": beside}], eye=[0.0, 0.0, 0.5]) == []
     other = {**BENT, "radius": 3.0, "angles": [40.0, 80.0]}
     [note] = notes([panel(BENT), panel(other, "b")], eye=[0.0, 0.0, 0.0])
