@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.text import Text
 
 from wall.core.errors import ConfigError, EditError, WallError
+from wall.core.garbage import collect_as_usual, collect_rarely
 
 if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` does without
     from wall.config.loading import Loaded
@@ -141,6 +142,7 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
 def readably(run: Callable[[], object]) -> None:
     """Call a command line; every refusal and failure is one readable text and an exit code."""
     open_standard_streams()
+    collect_rarely()
     try:
         run()
     except (ConfigError, EditError) as error:
@@ -155,3 +157,5 @@ def readably(run: Callable[[], object]) -> None:
         fail(str(error))
     except KeyboardInterrupt:
         fail("interrupted")
+    finally:
+        collect_as_usual()

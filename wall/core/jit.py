@@ -25,14 +25,15 @@ os.environ.setdefault("NUMBA_SLP_VECTORIZE", "1")  # four neighbours in an array
 import numba
 import numba.np.linalg
 from numba.core.event import Event, Listener, register
+from numba.core.runtime import rtsys
+
+from wall.core.garbage import collect_rarely
 
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 
 # of all kernels; C calls none of them
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
-
-OBJECTS_A_COLLECTION = 100_000  # while compiling: Python's 700 cost a sixth of its time, and this no memory
 
 
 def _leave_scipy_out() -> None:
@@ -76,7 +77,7 @@ class _Settings(Listener):
     def on_start(self, event: Event) -> None:
         """Remember the settings, and choose them for the kernel that is about to be compiled."""
         self._before.append((numba.config.SLP_VECTORIZE, gc.get_threshold()))  # type: ignore[attr-defined]
-        gc.set_threshold(OBJECTS_A_COLLECTION, *gc.get_threshold()[1:])
+        collect_rarely()  # a sixth of the time of compiling, and no memory
         if event.data["dispatcher"] in _scalar:
             numba.config.SLP_VECTORIZE = 0  # type: ignore[attr-defined]
 
@@ -119,8 +120,9 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     compiled = numba.njit(cache=True, **OPTIONS, **options)(function)
     _kernels.append(compiled)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        file = compiled._cache._cache_file
-        file._load_index = _empty_if_outdated(file._load_index)
+        cache = compiled._cache
+        cache._cache_file._load_index = _empty_if_outdated(cache._cache_file._load_index)
+        cache.load_overload = _load_alone(cache._load_overload)
     return compiled
 
 
@@ -129,6 +131,19 @@ def _choose_cache(function: Callable[..., Any]) -> None:
     folder = cache_root() / source_hash(Path(function.__code__.co_filename))
     _used.add(folder)
     numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+
+
+def _load_alone(load: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Loads a kernel from the cache without what compiling alone takes: numba's tables of functions, 0.2 s a process.
+
+    The compiler fills these itself. A loaded kernel calls numba's runtime, and nothing else of it.
+    """
+
+    def load_overload(signature: Any, target: Any) -> Any:
+        rtsys.initialize(target)
+        return load(signature, target)
+
+    return load_overload
 
 
 def _empty_if_outdated(load_index: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
@@ -165,8 +180,8 @@ def _digest(source: Path) -> bytes:
 
 
 def _with_imports(path: Path) -> set[Path]:
-    """A file and the `wall` files that it imports, directly or not."""
-    found, ahead = {Path(__file__).resolve()}, [path.resolve()]
+    """A file, this one, and the `wall` files that they import, directly or not."""
+    found, ahead = set[Path](), [path.resolve(), Path(__file__).resolve()]
     while ahead:
         if (source := ahead.pop()) not in found:
             found.add(source)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
+from wall.core.garbage import started
 from wall.display.x_server import check_displays
 from wall.roles.plan import (
     HEAD,
@@ -156,5 +157,6 @@ def _prepare(layout: Layout, say: Callable[[str], None], *, headless: bool) -> t
     say("building the ray tracing trees")
     tracer_scene = make_tracer_scene(plan.scene)
     warm_up(plan, tracer_scene, say, headless=headless)
+    started()
     give_memory_back()
     return plan, tracer_scene
