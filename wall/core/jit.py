@@ -25,7 +25,7 @@ os.environ.setdefault("NUMBA_SLP_VECTORIZE", "1")  # four neighbours in an array
 import numba
 import numba.np.linalg
 from numba.core.event import Event, Listener, register
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 
 from wall.core.garbage import collect_rarely
 

@@ -251,7 +251,7 @@ class Tracer:
 
         Non-finite radiance is dropped and counted in Traced.bad, so fewer than n samples may come back.
         """
-        self._ray_frame = self._ray_frame._replace(footprint=footprint)
+        self._ray_frame = self._ray_frame._replace(footprint=float(footprint))  # of an int, numba compiles all again
         samples = np.zeros(len(xy), SAMPLE)
         work = self._work
         work.counts[:] = 0
