@@ -18,12 +18,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from wall.config.loading import read_text
 from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
 from wall.display.base import ParameterState
 from wall.packets.control import ALL_BUT_OBJECTS, MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
 from wall.run import control_file
-from wall.run.ports import FIRST_CLIENT
+from wall.transport.base import FIRST_CLIENT
 from wall.transport.curve import Keys
 from wall.transport.factory import connect as open_link
 
@@ -92,6 +91,8 @@ class Client:
         """
         text, path = str(configuration), ""
         if isinstance(configuration, Path) or "\n" not in text:
+            from wall.config.loading import read_text  # half a second, which no other request takes
+
             path = str(Path(configuration).absolute())
             text = read_text(path)
         return self.request(configuration=text, path=path, patience_s=patience_s).edit

@@ -40,9 +40,18 @@ def test_help_imports_no_command_and_none_of_its_libraries() -> None:
         "wall.cli_tracker",
         "wall.core",
         "wall.core.errors",
+        "wall.core.garbage",
         "wall.commands",
         "wall.commands.terminal",
     }
+
+
+def test_asking_a_running_wall_takes_none_of_what_reads_configurations_or_runs_ranks() -> None:
+    code = "import sys, wall.client, wall.commands.set; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert "zmq" in loaded
+    assert not {"pydantic", "ruamel", "embreex", "wall.config", "wall.roles", "wall.run.ports"} & loaded
 
 
 def test_the_version_and_the_short_help_are_said() -> None:

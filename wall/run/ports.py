@@ -14,13 +14,12 @@ from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.roles.plan import HEAD
 from wall.run.clock import HeadClock
-from wall.transport.base import GUEST, MAX_CONTROL, Hub, Link
+from wall.transport.base import FIRST_CLIENT, GUEST, MAX_CONTROL, Hub, Link
 from wall.transport.curve import Keys
 from wall.transport.factory import connect
 
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 SYNCHRONISE_S = 30.0  # for the manager's first answer: its host may be slow to start
-FIRST_CLIENT = 1 << 32  # processes beside the run have numbers from here on, ranks below
 MAX_REASON = 1000  # characters of why an answer could not be sent
 FIRST_PING_S = 0.1  # between pings until one is answered
 

@@ -28,8 +28,8 @@ from wall.packets.notes import Note
 from wall.packets.samples import encode
 from wall.roles.instructions import MANAGER, Packet
 from wall.run.clock import HeadClock
-from wall.run.ports import FIRST_CLIENT, Ports
-from wall.transport.base import GUEST, Hub
+from wall.run.ports import Ports
+from wall.transport.base import FIRST_CLIENT, GUEST, Hub
 from wall.transport.curve import Keys
 from wall.transport.factory import connect, open_hub
 from wall.transport.loopback import LoopbackHub, LoopbackLink
