@@ -23,12 +23,13 @@ CONFIGS = sorted((Path(__file__).parents[2] / "configs").rglob("*.yaml"))
 TOO_LARGE = {"large"}  # 90 processes and 307 million pixels: drawn, checked and expanded by other tests
 SHIPPED = [path for path in CONFIGS if path.parent.name != "measure" and path.stem not in TOO_LARGE]
 # The others run as threads of one process, at a quarter of the cost: imports and kernels are loaded once
+SECONDS = 0.3, 3.0  # of a run as threads; the second only on a machine so busy that the first shows nothing
 AS_PROCESSES = {"demo", "two_compositors", "mixed_sinks"}
 
 
 @pytest.mark.parametrize("config", [path for path in SHIPPED if path.stem in AS_PROCESSES], ids=lambda path: path.stem)
 def test_shipped_configurations_run_as_processes(tmp_path: Path, config: Path) -> None:
-    done = wall("run", config, "--headless", "--seconds", 0.7, "--out", tmp_path)
+    done = wall("run", config, "--headless", "--seconds", 0.5, "--out", tmp_path)
 
     assert done.returncode == 0, done.stdout + done.stderr
     check_results(tmp_path)
@@ -40,10 +41,13 @@ def test_shipped_configurations_run_as_threads(tmp_path: Path, config: Path) -> 
     threads = loaded.config.transport.model_copy(update={"kind": "loopback"})
     loaded = loaded.with_config(loaded.config.model_copy(update={"transport": threads}))
 
-    outcome = launch.run(loaded, launch.Options(out=tmp_path, headless=True, seconds=0.7), say=print, opened=print)
-
-    assert outcome is not None
-    assert outcome.failed == ""
+    for seconds in SECONDS:
+        options = launch.Options(out=tmp_path, headless=True, seconds=seconds)
+        outcome = launch.run(loaded, options, say=print, opened=print)
+        assert outcome is not None
+        assert outcome.failed == ""
+        if outcome.summary["samples_shown"]:
+            break
     check_results(tmp_path)
 
 
