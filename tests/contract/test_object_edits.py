@@ -36,15 +36,15 @@ def tracer_scene() -> TracerScene:
     return make_tracer_scene(plan_of("framed").scene)
 
 
-def after(plan: Plan, scene: TracerScene, *edits: dict[str, tuple[float, ...]]) -> NDArray[np.uint8]:
-    """The complete image after some states of edits, each of which was shown complete too."""
+def images_of(plan: Plan, scene: TracerScene, *edits: dict[str, tuple[float, ...]]) -> list[NDArray[np.uint8]]:
+    """The complete images of one wall, before some states of edits and after each of them."""
     single = SingleProcess(plan, scene)
-    (image,) = single.until_complete()
+    images = [single.until_complete()[0].rgb.copy()]
     for number, values in enumerate(edits, start=1):
         single.event = replace(single.event, scene_event=number, edits=Edits(number, tuple(sorted(values.items()))))
         single.clock.advance(0.1)  # a refresh is due
-        (image,) = single.until_complete()
-    return image.rgb
+        images.append(single.until_complete()[0].rgb.copy())
+    return images
 
 
 def distance(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
@@ -58,15 +58,12 @@ def test_what_is_hidden_or_moved_away_is_not_there_and_comes_back(
     """Hidden and moved out of sight are the same scene; what is undone gives the first image again."""
     plan = plan_of(method)
     offset, visible = f"objects.{NAME}.offset", f"objects.{NAME}.visible"
-    first, none = after(plan, tracer_scene), {}
-    hidden = after(plan, tracer_scene, {visible: (0.0,)})
-    again = after(plan, tracer_scene, {visible: (0.0,)}, none)
+    first, hidden, again = images_of(plan, tracer_scene, {visible: (0.0,)}, {})
     assert distance(first, hidden) > 20.0
     if method == "adaptive":  # samples fall elsewhere in their pixels
         assert distance(again, first) < 1.0
         return
-    away = after(plan, tracer_scene, {offset: (0.0, -FAR, 0.0)})
-    moved = after(plan, tracer_scene, {offset: (0.5, 0.0, 0.0)})
+    _, away, moved = images_of(plan, tracer_scene, {offset: (0.0, -FAR, 0.0)}, {offset: (0.5, 0.0, 0.0)})
     assert min(distance(first, moved), distance(moved, hidden)) > 20.0
     assert np.array_equal(hidden, away)
     assert np.array_equal(again, first)
@@ -83,7 +80,7 @@ def test_what_moved_leaves_no_ghost_and_no_shadow(tracer_scene: TracerScene, com
         began = SingleProcess(plan, tracer_scene)
         began.event = replace(began.event, scene_event=1, edits=Edits(1, tuple(values.items())))
         (wanted,) = began.until_complete()
-        assert distance(after(plan, tracer_scene, values), wanted.rgb) < 1.5
+        assert distance(images_of(plan, tracer_scene, values)[-1], wanted.rgb) < 1.5
 
 
 def test_objects_of_a_name_are_one_parameter_and_pages_are_spared_them() -> None:
