@@ -46,17 +46,20 @@ def test_shipped_configurations_run_as_threads(tmp_path: Path, config: Path) -> 
         outcome = launch.run(loaded, options, say=print, opened=print)
         assert outcome is not None
         assert outcome.failed == ""
-        if outcome.summary["samples_shown"]:
+        if shows_something(tmp_path):
             break
     check_results(tmp_path)
 
 
 def check_results(folder: Path) -> None:
-    found = summary(folder)
-    assert found["samples_shown"] > 0
-    assert found["lost"] == {}
-    if (folder / "wall.png").exists():
-        assert np.asarray(Image.open(folder / "wall.png")).std() > 10
+    assert summary(folder)["lost"] == {}
+    assert shows_something(folder)
+
+
+def shows_something(folder: Path) -> bool:
+    """Whether samples came, and the picture of the wall, where one was written, is more than one colour."""
+    path = folder / "wall.png"
+    return summary(folder)["samples_shown"] > 0 and (not path.exists() or np.asarray(Image.open(path)).std() > 10)
 
 
 @pytest.mark.parametrize("suffix", ["glb", "obj", "ply", "stl"])
