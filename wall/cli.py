@@ -13,7 +13,7 @@ import typer
 
 from wall.cli_faults import faults, soak
 from wall.cli_measure import measure
-from wall.cli_operations import doctor, top
+from wall.cli_operations import doctor, join, top
 from wall.cli_peers import peers
 from wall.cli_plan import plan
 from wall.cli_render import UpOption, ViewOption, render, replay
@@ -38,6 +38,7 @@ app.command()(plan)
 app.command()(render)
 app.command()(replay)
 app.command()(top)
+app.command()(join)
 app.command()(doctor)
 app.command()(tracker)
 

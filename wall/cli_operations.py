@@ -1,4 +1,4 @@
-"""`wall top` and `wall doctor`: a run elsewhere, and a machine before a run."""
+"""`wall top`, `wall join` and `wall doctor`: a run elsewhere, a part in it, and a machine before a run."""
 
 from __future__ import annotations
 
@@ -28,6 +28,23 @@ def top(
         show(Wall(address), console, every_s=every, once=once)
     except KeyboardInterrupt:
         raise typer.Exit from None
+
+
+def join(
+    address: Annotated[
+        str, typer.Argument(help="Folder of results of the running wall, its control.json, or - for that file's text")
+    ] = "OUT",
+) -> None:
+    """Become a renderer of a running wall, in place of one that is lost; with balance also one more. Ctrl-C leaves it.
+
+    Whoever can read control.json can join. Elsewhere its text comes by ssh, so that nobody else sees it:
+
+    [bold]ssh head.example.org cat wall/OUT/control.json | wall join -[/]
+    """
+    from wall.commands.join import control_at
+    from wall.commands.join import join as become
+
+    console.print(become(control_at(address), lambda line: console.print(line)))
 
 
 def doctor(

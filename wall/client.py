@@ -16,16 +16,18 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
 from wall.display.base import ParameterState
 from wall.packets.control import ALL_BUT_OBJECTS, MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
+from wall.packets.joining import JoinAnswer, JoinRequest
 from wall.run import control_file
 from wall.transport.base import FIRST_CLIENT
 from wall.transport.curve import Keys
 from wall.transport.factory import connect as open_link
 
+A = TypeVar("A", EditAnswer, JoinAnswer)
 ANSWER_S = 5.0  # wait for a wall's answer, at most
 LOAD_S = 600.0  # for a configuration: ranks load a model, and compile for it
 ASK_AGAIN_S = 1.0  # a request that found no wall yet, or whose answer was lost, is sent again: it is done once
@@ -114,12 +116,19 @@ class Client:
             )  # fmt: skip
         except LocalProtocolError as error:
             raise EditError(f"the request is too long: {error}") from error
-        answer = self._answer(request, self._patience_s if patience_s is None else patience_s)
-        if answer.refused:
-            raise EditError(answer.refused)
-        return answer
+        return self._answer(EditAnswer, request, self._patience_s if patience_s is None else patience_s)
 
-    def _answer(self, request: bytes, patience_s: float) -> EditAnswer:
+    def join(self, host: str, *, configuration: int, public: str) -> JoinAnswer:
+        """Ask for a place as a rank, or for what that takes, as JoinRequest has it."""
+        self._number += 1
+        request = JoinRequest(
+            client=self._client, number=self._number, key=self._control.key, host=host, configuration=configuration,
+            public=public,
+        )  # fmt: skip
+        return self._answer(JoinAnswer, serialise(request), self._patience_s)
+
+    def _answer(self, kind: type[A], request: bytes, patience_s: float) -> A:
+        """The wall's answer of that kind. Raises EditError where it refuses, RunError where none comes."""
         limit, again = time.monotonic() + patience_s, -math.inf
         while (now := time.monotonic()) < limit:
             if now >= again:
@@ -128,7 +137,9 @@ class Client:
             self._link.wait(min(limit, again) - now)
             for data in self._link.receive():
                 answer = _parsed(data)
-                if isinstance(answer, EditAnswer) and (answer.client, answer.number) == (self._client, self._number):
+                if isinstance(answer, kind) and (answer.client, answer.number) == (self._client, self._number):
+                    if answer.refused:
+                        raise EditError(answer.refused)
                     return answer
         control = self._control
         raise RunError(

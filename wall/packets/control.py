@@ -20,18 +20,19 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.edits import edits_body, parse_edits
 from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, camera_of, is_plain, parse_part, part_head, pose_numbers
+from wall.packets.joining import JoinAnswer, JoinRequest, Leave
 from wall.packets.notes import LEVELS, Note
 from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 16
+MAGIC, VERSION = b"WALL", 17
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
-KIND_PREPARE, KIND_PREPARED, KIND_ADOPT, KIND_NOTE = 18, 19, 20, 21
+KIND_PREPARE, KIND_PREPARED, KIND_ADOPT, KIND_NOTE, KIND_JOIN_REQUEST, KIND_JOIN_ANSWER, KIND_LEAVE = range(18, 25)
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
-MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters
+MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters; of a JoinAnswer
 MAX_CONFIGURATION_BYTES = 1 << 20  # of that of a message with the text of a configuration
 MAX_NUMBER = 1e15  # of a float in JSON: no rate, no time and no error is as large, nor are sums of a thousand ranks'
 MAX_COUNTERS = 64
@@ -53,6 +54,7 @@ class Hello:
     host: str
     endpoint: str  # where other ranks connect to; "" where none does
     incarnation: int  # differs each time that the rank is started
+    key: str = ""  # CURVE, of one that has joined; "": of the start, or none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,6 +217,7 @@ class Adopt:
 Message: TypeAlias = (
     Event | FrameletPart | Hello | Heartbeat | Membership | Ping | Pong | Statistics | StatisticsImage
     | Stop | WindowInput | EditRequest | EditAnswer | Selection | Assignment | Prepare | Prepared | Adopt | Note
+    | JoinRequest | JoinAnswer | Leave
 )  # fmt: skip
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
@@ -233,17 +236,19 @@ _JSON_KINDS: dict[int, type[Any]] = {
     KIND_PREPARED: Prepared,
     KIND_ADOPT: Adopt,
     KIND_NOTE: Note,
+    KIND_JOIN_REQUEST: JoinRequest,
+    KIND_JOIN_ANSWER: JoinAnswer,
+    KIND_LEAVE: Leave,
 }
 _MAX_BYTES: dict[type[Any], int] = {
     Membership: MAX_MEMBERSHIP_BYTES,
     EditAnswer: MAX_ANSWER_BYTES,
+    JoinAnswer: MAX_ANSWER_BYTES,
     EditRequest: MAX_CONFIGURATION_BYTES,
     Prepare: MAX_CONFIGURATION_BYTES,
 }
-_NOT_BELOW_0 = (
-    "samples_per_s", "compared_per_s", "bytes_per_s", "seconds", "cpu_seconds", "square_error", "refreshes_per_s",
-    "right_s",
-)  # fmt: skip
+_NOT_BELOW_0 = ["samples_per_s", "compared_per_s", "bytes_per_s", "seconds", "cpu_seconds", "square_error"]
+_NOT_BELOW_0 += ["refreshes_per_s", "right_s"]
 
 
 def serialise(message: Message) -> bytes:

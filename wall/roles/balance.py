@@ -3,12 +3,14 @@
 Renderers tell what their regions cost them. Every PERIOD_S the rows of a region are scaled to what it costs, so that
 borders that move teach how cost is spread within a panel, and the wall is cut anew into strips of equal cost. A slower
 machine's rows cost more, so it gets fewer. Nobody waits: a renderer takes its new strip up between two batches, and
-samples of the old one stay where they are shown. A renderer that is lost has no strip: the others render its rows.
+samples of the old one stay where they are shown. A renderer that is lost has no strip: the others render its rows. One
+that has joined gets some of theirs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from itertools import chain, pairwise
 
 import numpy as np
@@ -30,13 +32,14 @@ class Balancer:
     def __init__(self, layout: Layout, now: float) -> None:
         assert layout.strips is not None
         self._strips, self._layout, self._ranks = layout.strips, layout, layout.renderers()
-        cuts = layout.strips.evenly(len(layout.regions))
-        self.assignment = Assignment(number=0, cuts=list(cuts))
+        own = len(layout.regions) - layout.extra
+        cuts = layout.strips.evenly(own)
+        self.assignment = Assignment(number=0, cuts=[*cuts, *cuts[-1:] * layout.extra])
         self._rows, self._measured = np.ones(cuts[-1]), False  # what each seems to cost; whether anything is known
         self._due, self._wait_s = now + PERIOD_S, PERIOD_S
         self._evenness = 0.0  # mean cost by the largest, at the last move
         self._numbers: tuple[tuple[int, int], ...] = ()  # of the events at the last look
-        self._alive = list(self._ranks)
+        self._alive = list(self._ranks)[:own]  # those who have a strip
 
     def on_tick(
         self, beats: Mapping[int, Heartbeat], lost: Collection[int], numbers: tuple[tuple[int, int], ...], now: float
@@ -72,6 +75,17 @@ class Balancer:
         self._wait_s = PERIOD_S if evenness > before else min(2.0 * self._wait_s, LONGEST_S)
         self._due, self._evenness = now + self._wait_s, evenness
         return self._assign(cuts)
+
+    def grow(self, layout: Layout) -> None:
+        """There are more renderers, which have no strip until they are not lost any more."""
+        cuts, self._ranks = self.assignment.cuts, layout.renderers()
+        more = len(self._ranks) + 1 - len(cuts)
+        self.assignment = replace(self.assignment, cuts=[*cuts, *cuts[-1:] * more])
+        self._layout = layout.assigned(self.assignment.cuts)
+
+    def hasten(self, now: float) -> None:
+        """A renderer has joined: it gets its strip at once."""
+        self._due = min(self._due, now)
 
     def _even_cuts(self) -> Cuts:
         """Cuts between which rows seem to cost the same, for every rank that is not lost."""

@@ -166,8 +166,10 @@ class Composition:
         """The layer of a renderer. Raises RemoteProtocolError for a rectangle outside the renderer's region."""
         layout = self._plan.layout
         regions: tuple[Region, ...] = ()
-        if rank in layout.renderers():  # where regions move, any renderer may have any strip
-            regions = layout.strips.panels if layout.strips is not None else layout.regions_of(rank)
+        if layout.strips is not None and rank >= layout.graph.compositors:  # any renderer may have any strip
+            regions = layout.strips.panels
+        elif rank in layout.renderers():
+            regions = layout.regions_of(rank)
         region = next((region for region in regions if region.panel == panel), None)
         if region is None or not region.rect.contains(rect):
             wanted = " or ".join(map(str, regions)) or "of a renderer"

@@ -64,6 +64,7 @@ class Compositor:
     ) -> None:
         """`composition`: in place of its own, where no pixels are made."""
         graph, self._plan, self._rank, self._ready = plan.layout.graph, plan, hello.rank, ready
+        self._size = plan.layout.size  # ranks that are there before anything can be shown
         self.due = -math.inf
         self.composition = composition or Composition(plan, hello.rank, ready, run_all, shares)
         self.latency, self._refresh_rate, self._own_rate = Latency(), Rates(RATE_SPAN_S), Rates(RATE_SPAN_S)
@@ -169,7 +170,7 @@ class Compositor:
             news = view.event is None or event.number > view.event.number
             if view.take(event):
                 self.composition.follow(event)
-                if news and len(self._came_ranks) == self._plan.layout.size:  # before, no rank could show it
+                if news and len(self._came_ranks) >= self._size:  # before, no rank could show it
                     self.latency.published(event)
 
     def on_tick(self, now: float) -> Iterator[Instruction]:

@@ -23,6 +23,7 @@ from wall.display.base import ParameterState
 from wall.geometry.steering import Command
 from wall.packets.control import ALL_BUT_OBJECTS, MAX_ANSWER_BYTES, EditAnswer, EditRequest
 from wall.packets.edits import MAX_NAME_BYTES, fits
+from wall.packets.joining import JoinRequest
 from wall.roles.clicks import Clicks
 from wall.roles.plan import Plan, exposure_at
 from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
@@ -63,7 +64,7 @@ class Editor:
         self._count += 1
         self.edits = Edits(self._count, tuple(sorted(kept.items()))) if kept else NO_EDITS
 
-    def check_key(self, request: EditRequest) -> None:
+    def check_key(self, request: EditRequest | JoinRequest) -> None:
         """Refuse who does not know the run's key. Raises EditError."""
         if not self._key or not hmac.compare_digest(request.key.encode(), self._key.encode()):
             self.counters["edit_without_key"] += 1

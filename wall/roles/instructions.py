@@ -124,6 +124,14 @@ class Changed:
 
 
 @dataclass(frozen=True, slots=True)
+class Invitation:
+    """What processes need to be ranks of a configuration of this run."""
+
+    number: int  # of the configuration
+    told: str  # see JoinAnswer
+
+
+@dataclass(frozen=True, slots=True)
 class TrackerPacket:
     """A packet came from a tracker's machine."""
 
@@ -141,7 +149,18 @@ class TrackerStrangers:
 
 
 Input: TypeAlias = (
-    TrackerPacket | TrackerStrangers | Message | Packet | Dropped | Traced | Presented | Died | End | PlanMade | Changed
+    TrackerPacket
+    | TrackerStrangers
+    | Message
+    | Packet
+    | Dropped
+    | Traced
+    | Presented
+    | Died
+    | End
+    | PlanMade
+    | Changed
+    | Invitation
 )
 
 
@@ -175,6 +194,14 @@ class Connect:
     rank: int
     endpoint: str
     anew: bool = False  # another process is that rank now: it has nothing of what was sent before
+
+
+@dataclass(frozen=True, slots=True)
+class Admit:
+    """From now on a rank is who proves this key, and nobody who has spoken as that rank before."""
+
+    rank: int
+    key: str  # "" where nothing is encrypted
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +261,9 @@ class Finish:
     failure: str = ""
 
 
-Instruction: TypeAlias = Send | Broadcast | Offer | Connect | Trace | Restart | Reassign | Show | Tell | Make | Finish
+Instruction: TypeAlias = (
+    Send | Broadcast | Offer | Connect | Admit | Trace | Restart | Reassign | Show | Tell | Make | Finish
+)
 Instructions: TypeAlias = Iterable[Instruction]
 
 

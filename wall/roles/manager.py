@@ -17,6 +17,7 @@ from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import OF_ONE_VIEW, Command, parse
 from wall.packets.control import EditRequest, Heartbeat, Hello, Prepared, Selection, Statistics, Stop, WindowInput
+from wall.packets.joining import JoinRequest, Leave
 from wall.packets.notes import Note
 from wall.roles.balance import Balancer
 from wall.roles.director import Director
@@ -30,15 +31,17 @@ from wall.roles.instructions import (
     Finish,
     Input,
     Instruction,
+    Invitation,
     Packet,
     PlanMade,
     Send,
     TrackerPacket,
     TrackerStrangers,
 )
+from wall.roles.joining import Joining, grown
 from wall.roles.membership import Register
 from wall.roles.plan import HEAD, Plan, window_ranks
-from wall.roles.reloading import Asked, Reloading, asked_by
+from wall.roles.reloading import Asked, Reloading
 from wall.roles.updates import EditsTaken
 
 NO_RENDERER = "no renderer is left"
@@ -76,17 +79,15 @@ class Manager:
         self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
         self.escape = ""  # where Escape was pressed
         self.ended = ""  # why the run ends, once it does
-        self.counters = Counter[str]()
-        self.configurations = 1  # that the run has had
+        self.counters, self.configurations = Counter[str](), 1  # that the run has had
         self._seconds, self._until_complete = seconds, until_complete
         self._directors: list[Director] = []
         self._reloading = Reloading(plan, fixed=fixed)
-        self.register = Register(layout.size, now)
+        self.register, self.joining = Register(layout.size, now), Joining(fixed)
         self.editor, self._edited = Editor(plan, key=key), False  # whether an event is to tell of it
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
         self._commands: list[Command] = []  # not applied yet
-        self.taken = EditsTaken()
-        self._selection = Selection()  # what pages show
+        self.taken, self._selection = EditsTaken(), Selection()  # the second: what pages show
         self._update_due, self._repeat_due = now, now
         self._input_due = now  # when what comes in is told of at once again
         self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
@@ -99,15 +100,25 @@ class Manager:
 
     def _take(self, plan: Plan, now: float) -> None:
         """Be the manager of this plan."""
-        self.plan, self._layout = plan, plan.layout
+        self.balancer: Balancer | None = None
+        self._grow(plan)
         before, first = {director.name: director for director in self._directors}, next(iter(self._directors), None)
         self._directors = []
         for number, view in enumerate(plan.views):
             leader = None if view.leader is None else self._directors[plan.views.index(view.leader)]
             self._directors.append(Director(plan, now, number, leader, before.get(view.id, first)))
         self._window_ranks = window_ranks(plan.layout)
-        self.balancer = Balancer(plan.layout, now) if plan.layout.strips is not None else None
+        if plan.layout.strips is not None:
+            self.balancer = Balancer(self._layout, now)
         self._tick_s = 1.0 / (max(view.refresh_hz for view in plan.views) * EVENTS_A_REFRESH)
+
+    def _grow(self, plan: Plan) -> None:
+        """Know of places beyond the configuration's."""
+        self._layout = grown(plan.layout, self.joining.extra)
+        self.plan = replace(plan, layout=self._layout)
+        self._reloading.grow(self.plan)
+        if self.balancer is not None:
+            self.balancer.grow(self._layout)
 
     def _adopt(self, plan: Plan, now: float) -> Iterator[Instruction]:
         """Go on with another plan, which all ranks have adopted."""
@@ -139,10 +150,12 @@ class Manager:
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in messages of ranks, input of users, news of the launcher."""
         try:
-            if isinstance(message, Hello):
+            if isinstance(message, Hello | Heartbeat | Note | Prepared):
                 self._check_rank(message.rank)
-                if self.register.take(message, now) and (last := self.heartbeats.pop(message.rank, None)) is not None:
-                    self.counters += Counter(last.dropped)  # of the process that died
+            if isinstance(message, Hello):
+                self.joining.check(message)
+                if self.register.take(message, now):
+                    self._succeed(message.rank, now)
                 for director in () if self._reloading.adopting else self._directors:  # who joins late gets the state
                     yield Send(message.rank, director.event)
                 if self.balancer is not None:
@@ -150,7 +163,6 @@ class Manager:
                 if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
                     yield Send(message.rank, Stop(reason=self.ended))
             elif isinstance(message, Heartbeat):
-                self._check_rank(message.rank)
                 self.heartbeats[message.rank] = message
                 self.register.hear(message.rank, now)
                 yield Send(HEAD, message)
@@ -160,19 +172,25 @@ class Manager:
                 if self._selection != before:
                     yield Send(HEAD, self._selection)
             elif isinstance(message, Note):
-                self._check_rank(message.rank)
                 self.register.news.append(message)
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
             elif isinstance(message, EditRequest) and message.configuration:
-                yield from self._load(message, now)
+                yield from self._reloading.load(message, self.editor, now)
             elif isinstance(message, Changed):
                 yield from self._reloading.ask(Asked(text=message.text, path=message.path), now)
             elif isinstance(message, PlanMade):
                 yield from self._reloading.made(message, now)
             elif isinstance(message, Prepared):
-                self._check_rank(message.rank)
                 yield from self._reloading.prepared(message)
+            elif isinstance(message, JoinRequest):
+                busy = self._reloading.busy
+                yield from self.joining.answer(message, self.editor, self.plan, self.register, busy=busy, now=now)
+                self._grow(self.plan)
+            elif isinstance(message, Invitation):
+                self.joining.invitation = message
+            elif isinstance(message, Leave):
+                self.register.leave(message.rank, now)
             elif isinstance(message, EditRequest):
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now))
                 self._edited = True
@@ -194,15 +212,12 @@ class Manager:
             self._reloading.said = str(error)
         self.due = now
 
-    def _load(self, request: EditRequest, now: float) -> Iterator[Instruction]:
-        """Begin to load a configuration; the answer comes when that is done, or refused."""
-        asked = asked_by(request, str(self._layout.loaded.path))
-        try:
-            self.editor.check_key(request)
-            yield from self._reloading.ask(asked, now)
-        except EditError as error:
-            self.counters["refused_edit"] += 1
-            yield from asked.answer(str(error))
+    def _succeed(self, rank: int, now: float) -> None:
+        """Another process is that rank now."""
+        self.counters += Counter(last.dropped if (last := self.heartbeats.pop(rank, None)) else {})
+        self._reloading.forget(rank)
+        if self.balancer is not None and self.register.came(rank):
+            self.balancer.hasten(now)
 
     def _check_rank(self, rank: int) -> None:
         if not 0 <= rank < self._layout.size:
@@ -238,8 +253,8 @@ class Manager:
         yield from self.register.tell(said)
         if self._phase is Phase.RUNNING:
             self._watch(now)
-            if self.ended:
-                self._hold(now)
+            if self.ended:  # the view is frozen, so that the last image shows one moment with every sample
+                self._phase, self._limit = Phase.HOLDING, now if self.ended == NO_RENDERER else now + HOLD_S
         if self._phase in (Phase.RUNNING, Phase.HOLDING):
             yield from self.register.on_tick(now)
             excused = {rank for rank in self.lost if self.register.excused(rank)}
@@ -371,11 +386,6 @@ class Manager:
             if not complete and not self.register.excused(rank):
                 return False
         return True
-
-    def _hold(self, now: float) -> None:
-        """Freeze the view, so that the last image shows one moment with every sample."""
-        nobody = self.ended == NO_RENDERER
-        self._phase, self._limit = Phase.HOLDING, now if nobody else now + HOLD_S
 
     def _said_last(self, ranks: range | tuple[int, ...]) -> bool:
         living = (self.heartbeats.get(rank) for rank in ranks if rank not in self.lost)

@@ -18,6 +18,7 @@ from wall.roles.plan import HEAD
 
 GATHER_S = 0.05  # ranks that join within so long are told of together
 REPEAT_S = 2.0  # membership is said again
+NOT_YET = "has not come yet"  # how a place is lost that is new
 MOST_NOTES = 256  # that wait to be told; of more the newest
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a message of the manager, then a rank ends itself
 
@@ -33,11 +34,42 @@ class Register:
         self.news: list[Note] = []  # to be told
         self._notes: deque[Note] = deque(maxlen=MOST_NOTES)  # for the head's process
         self._died: set[int] = set()  # of the lost ones: those whose process has ended
+        self._size = size  # of the configuration
+        self._joined: set[int] = set()  # places that were given away
+        self._here: set[int] = set()  # of those: whose new process takes part
         self._coming: set[int] = set()  # of those: those that were started again
         self._heard, self._began = dict.fromkeys(range(1, size), now), now  # by rank: when it gave a sign of life
         self._absent: dict[int, float] = {}  # ranks that are not heard of any more: since when
         self._marked_s: dict[int, float] = {}  # by rank: for how long that was so before
         self._due = math.inf  # when the list is to be broadcast
+
+    def give_away(self, rank: int) -> None:
+        """Another process is to have the place of a lost rank, or a new one; until it says Hello that is nobody's."""
+        self.lost.setdefault(rank, NOT_YET)
+        self._died.add(rank)
+        self._joined.add(rank)
+        self._here.discard(rank)
+
+    def leave(self, rank: int, now: float) -> None:
+        """A rank that has joined has said that it ends."""
+        if rank in self._here:
+            self._here.discard(rank)
+            self.lost[rank] = f"left after {now - self._began:.1f} s"
+            self._died.add(rank)
+            self.news.append(note_of(rank, "warning", "leaves"))
+
+    def came(self, rank: int) -> bool:
+        """Whether the process to which a place was given has said Hello, and has not left."""
+        return rank in self._here
+
+    def died(self, rank: int) -> bool:
+        """Whether nobody is to be expected in a place: its process has ended."""
+        return rank in self._died
+
+    @property
+    def missed(self) -> dict[int, str]:
+        """Ranks of the configuration that are lost: how. Other threads may ask."""
+        return {rank: how for rank, how in self.lost.copy().items() if rank < self._size}
 
     def take(self, hello: Hello, now: float) -> bool:
         """Add a rank, or replace an earlier incarnation of it. Returns whether it takes the place of one that died."""
@@ -47,8 +79,14 @@ class Register:
             self._died.discard(hello.rank)
             self._coming.discard(hello.rank)
             how, self._heard[hello.rank] = self.lost.pop(hello.rank), now
-            self.restarts.setdefault(hello.rank, []).append(how)
-            self.news.append(note_of(hello.rank, "warning", f"{how} and was started again"))
+            joined = hello.rank in self._joined
+            if hello.rank < self._size:
+                self.restarts.setdefault(hello.rank, []).append(how)
+            if joined:
+                self._here.add(hello.rank)
+                self.news.append(note_of(hello.rank, "warning", f"a process on {hello.host} has joined as this rank"))
+            else:
+                self.news.append(note_of(hello.rank, "warning", f"{how} and was started again"))
         if before is None and hello.rank in self._absent:
             self._absent[hello.rank] = now  # its part was not marked before it was known
         if before is None:

@@ -47,6 +47,7 @@ class Layout:
     regions: tuple[tuple[Region, ...], ...]  # of each renderer, in rank order: one of each layer that it renders
     notes: tuple[str, ...] = ()  # of the wall, for `wall check`
     strips: Strips | None = None  # what regions that move are cut of; None where they do not
+    extra: int = 0  # renderers beyond the configuration's, the last: they have joined, and render what cuts give them
 
     @property
     def config(self) -> Config:
@@ -55,11 +56,10 @@ class Layout:
 
     def assigned(self, cuts: Sequence[int]) -> Layout:
         """The same layout with other strips. Raises RemoteProtocolError for cuts that do not fit."""
-        if self.strips is None or len(cuts) != len(self.regions) + 1:
-            raise RemoteProtocolError(
-                f"{len(cuts)} cuts for {len(self.regions)} renderers, or for regions that are fixed"
-            )
-        return replace(self, regions=self.strips.regions(cuts))
+        own = len(self.regions) - self.extra
+        if self.strips is None or len(cuts) <= own:
+            raise RemoteProtocolError(f"{len(cuts)} cuts for {own} renderers, or for regions that are fixed")
+        return replace(self, regions=self.strips.regions(cuts), extra=len(cuts) - 1 - own)
 
     @property
     def size(self) -> int:

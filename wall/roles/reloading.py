@@ -18,6 +18,7 @@ from wall.config.graph import SinkNode
 from wall.core.errors import ConfigError, EditError
 from wall.geometry.panels import Panel
 from wall.packets.control import Adopt, EditAnswer, EditRequest, Heartbeat, Prepare, Prepared
+from wall.roles.editing import Editor
 from wall.roles.instructions import Broadcast, Instruction, Make, PlanMade, Send
 from wall.roles.plan import Layout, Plan, window_panels
 
@@ -70,9 +71,18 @@ class Reloading:
         return self._stage is Stage.ADOPTING
 
     @property
+    def busy(self) -> bool:
+        """Whether another configuration is under way."""
+        return self._stage is not Stage.NONE
+
+    @property
     def coming(self) -> Plan | None:
         """The plan that ranks go over to just now; None while they do not."""
         return self._made if self.adopting else None
+
+    def grow(self, plan: Plan) -> None:
+        """The run has more ranks than before."""
+        self._plan = plan
 
     def ask(self, asked: Asked, now: float) -> Iterator[Instruction]:
         """Begin. Raises EditError where that cannot be."""
@@ -85,6 +95,16 @@ class Reloading:
         self._asked, self._stage, self._limit = asked, Stage.PLANNING, now + PREPARE_S
         self._number += 1
         yield Make(self._message())
+
+    def load(self, request: EditRequest, editor: Editor, now: float) -> Iterator[Instruction]:
+        """Begin to load a configuration for who knows the key; the answer comes when that is done, or refused."""
+        asked = asked_by(request, str(self._plan.layout.loaded.path))
+        try:
+            editor.check_key(request)
+            yield from self.ask(asked, now)
+        except EditError as error:
+            editor.counters["refused_edit"] += 1
+            yield from asked.answer(str(error))
 
     def _message(self) -> Prepare:
         return Prepare(number=self._number, text=self._asked.text, path=self._asked.path)
@@ -161,11 +181,12 @@ def asked_by(request: EditRequest, path: str) -> Asked:
 def check_fits(old: Layout, new: Layout) -> None:
     """Refuse what processes and displays that are there already cannot become. Raises ConfigError."""
     loaded = new.loaded
-    if (old.graph.compositors, len(old.regions)) != (new.graph.compositors, len(new.regions)):
+    own = len(old.regions) - old.extra  # renderers that have joined are no matter of the configuration
+    if (old.graph.compositors, own) != (new.graph.compositors, len(new.regions)):
         c, r = new.graph.compositors, len(new.regions)
         wants = f"{c} compositor{'s' * (c > 1)} and {r} renderer{'s' * (r > 1)}"
         raise ConfigError(
-            f"{loaded.name}: wants {wants}; this run has {old.graph.compositors} and {len(old.regions)}, and keeps them"
+            f"{loaded.name}: wants {wants}; this run has {old.graph.compositors} and {own}, and keeps them"
         )
     for name in ("transport", "output"):
         if getattr(old.config, name) != getattr(new.config, name):
@@ -173,11 +194,14 @@ def check_fits(old: Layout, new: Layout) -> None:
     screens = [[(panel.id, panel.pixels, panel.span) for panel in each.wall.panels] for each in (old, new)]
     if screens[0] != screens[1]:
         raise loaded.error(("wall",), "has other panels or pixels than the displays of this run", "the same panels")
-    for rank in range(old.size):
+    for rank in range(old.graph.compositors):
         sinks = [sorted(_sink(step) for step in each.graph.sinks_on(rank)) for each in (old, new)]
         windows = [[_window(panel) for panel in window_panels(each, (rank,))] for each in (old, new)]
         if sinks[0] != sinks[1] or windows[0] != windows[1]:
             raise loaded.error(("graph",), f"rank {rank} has other sinks or windows than in this run", "the same")
+    if old.extra and new.strips is None:
+        why = "renderers have joined, which have something to do only while borders move"
+        raise loaded.error(("graph",), why, "balance: true, or that they leave first")
     if old.graph.hosts != new.graph.hosts:
         raise loaded.error(("wall",), "wants other hosts than this run", "the same hosts")
 

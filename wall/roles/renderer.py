@@ -14,16 +14,20 @@ from collections.abc import Iterator
 from wall.core.data import Event, Region
 from wall.core.errors import RemoteProtocolError
 from wall.packets.control import MAX_ANSWERS, Assignment, Heartbeat, Hello, Membership, Stop
+from wall.packets.joining import Leave
 from wall.packets.samples import decode, is_samples
 from wall.roles.edges import Sent, summed_number, target_ranks
 from wall.roles.instructions import (
+    MANAGER,
     Dropped,
+    End,
     Finish,
     Input,
     Instruction,
     Offer,
     Ready,
     Reassign,
+    Send,
     Trace,
     Traced,
     Work,
@@ -50,7 +54,8 @@ class Renderer:
         images = image.images if image is not None else (None,) * len(regions)
         own = [RegionRenderer(plan, hello.rank, *each) for each in zip(regions, images, strict=True)]
         self._take_regions(own)
-        self._threads = max(region.threads for region in own)  # that trace at once
+        self._threads = max((region.threads for region in own), default=layout.sampling.threads)  # that trace at once
+        self._events: dict[int, Event] = {}  # by view: the newest
         self._assigned: tuple[int, tuple[Region, ...]] | None = None  # the newest assignment, not followed yet
         self._bad_messages = 0
         self._followed = 0  # number of the assignment whose regions these are
@@ -61,7 +66,7 @@ class Renderer:
         self._sent = Sent()
         self._rates = Rates(RATE_SPAN_S)
         self._began: float | None = None
-        self._stopping = False
+        self._stopping = self._leaves = False  # the second: by itself, the run goes on
 
     @property
     def done(self) -> Work:
@@ -93,9 +98,11 @@ class Renderer:
             yield from self._tell_completeness(now)
         elif isinstance(message, Dropped):
             self._lose(message)
-        else:
+        elif not isinstance(message, End):
             self.standing.hear(now)
         if isinstance(message, Event):
+            before = self._events.setdefault(message.view, message)
+            self._events[message.view] = max(before, message, key=lambda event: event.number)
             for region in self.regions:
                 region.follow(message)
         elif isinstance(message, Membership):
@@ -105,8 +112,8 @@ class Renderer:
                     self._renew(connect.rank)
         elif isinstance(message, Assignment):
             self._assign(message)
-        elif isinstance(message, Stop):
-            self._stopping = True
+        elif isinstance(message, Stop | End):
+            self._stopping, self._leaves = True, isinstance(message, End)
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Give work to idle workers, and signs of life."""
@@ -114,6 +121,8 @@ class Renderer:
         yield from self.standing.on_tick(now)
         if self._stopping and not self._running:
             yield from self.standing.beat(self._heartbeat(now, last=True), now)
+            if self._leaves:
+                yield Send(MANAGER, Leave(rank=self._rank))
             yield Finish()
             return
         if self.standing.beat_due(now):
@@ -167,7 +176,6 @@ class Renderer:
             return
         (self._followed, regions), self._assigned = self._assigned, None
         kept = {each.region: each for each in self.regions}
-        events = {each.region.view: each.event for each in self.regions if each.event is not None}
         used = min((each.used for each in self.regions), default=0.0)
         for each in self.regions:
             if each.region not in regions:
@@ -176,7 +184,7 @@ class Renderer:
         own = [kept.get(region) or RegionRenderer(self._plan, self._rank, region) for region in regions]
         self._take_regions(own)
         for each in own:
-            if each.event is None and (event := events.get(each.region.view)) is not None:
+            if each.event is None and (event := self._events.get(each.region.view)) is not None:
                 each.follow(event)
                 each.used = used
         yield Reassign(regions)

@@ -135,4 +135,4 @@ def image_at(
 ) -> RendererImage | None:
     """The images that a renderer makes. None where its samples travel to a compositor."""
     at_renderer = [plan.layout.layer(region).at_renderer for region in plan.layout.regions_of(rank)]
-    return RendererImage(plan, rank, ready, clock, shares) if all(at_renderer) else None
+    return RendererImage(plan, rank, ready, clock, shares) if at_renderer and all(at_renderer) else None

@@ -60,13 +60,21 @@ def read(folder: Path) -> Control:
     """How to reach the wall that writes its results to `folder`. Raises RunError where none does."""
     path = folder / NAME
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-        texts = {name: str(values[name]) for name in ("endpoint", "key", "head", "host")}
-        return Control(**texts, pid=int(values["pid"]))
+        return parse(path.read_text(encoding="utf-8"), str(path))
     except FileNotFoundError:
         raise RunError(
             f"{path}: no such file, so no wall runs with --out {folder}; wanted: the folder of results of a running "
             "wall (one inside a single process, transport: loopback, has no way in)"
         ) from None
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RunError(f"{path}: does not say how to reach a wall ({error}); wanted: that of a running one") from error
+    except (OSError, ValueError) as error:
+        raise RunError(f"{path}: cannot be read ({error}); wanted: that of a running wall") from error
+
+
+def parse(text: str, name: str) -> Control:
+    """How to reach a wall, by the text of its file. Raises RunError for another text; `name`: whose text it is."""
+    try:
+        values = json.loads(text)
+        texts = {name: str(values[name]) for name in ("endpoint", "key", "head", "host")}
+        return Control(**texts, pid=int(values["pid"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise RunError(f"{name}: does not say how to reach a wall ({error}); wanted: that of a running one") from error

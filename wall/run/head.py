@@ -21,7 +21,7 @@ from wall.display.image_log import ImageLog
 from wall.display.saving import Saver
 from wall.packets.notes import Level, note_of
 from wall.roles.compositor import Compositor
-from wall.roles.instructions import MANAGER, Died, End
+from wall.roles.instructions import MANAGER, Died, End, Invitation
 from wall.roles.manager import Manager
 from wall.roles.plan import HEAD, Plan
 from wall.roles.status import summary_of
@@ -30,6 +30,7 @@ from wall.run.clock import HeadClock
 from wall.run.control_file import Control, announced, new_key
 from wall.run.deaths import Deaths
 from wall.run.endings import EndSignals, WriterApart
+from wall.run.joined import Inviter
 from wall.run.journal import Journal
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
@@ -98,6 +99,7 @@ class HeadProcess:
         self._loop: Loop | None = None  # of the compositor
         self._dead = Deaths(self._start_again)
         self._address: dict[str, str] = {}  # what ranks are told when they start
+        self._inviter = Inviter(preparer.machines, bootstrap.keys, headless=options.headless)
         self._sinks: list[Sink] = []
         self._signals, self._told = EndSignals(self._end), ""  # why this process was first told to end
         self._apart = WriterApart(self._save)
@@ -172,6 +174,8 @@ class HeadProcess:
         sources: list[Source] = [
             window_input_of(HEAD, sinks), self._take_ends, self._deaths, self._preparer.news, trackers.receive, tell,
         ]  # fmt: skip
+        if not control.endpoint.startswith(LOOPBACK):
+            sources.append(self._invitations)
         if options.watch:
             sources.append(FileWatch(plan.layout.loaded.path).changes)
         managing = ManagerThread(
@@ -219,7 +223,8 @@ class HeadProcess:
     def _close_journal(self, journal: Journal, say: Say) -> None:
         """Write the last line of a run's log: how it ended."""
         ended = (self._manager.ended if self._manager is not None else "") or self._told or "interrupted"
-        lost = [f"rank {rank} {how}" for rank, how in sorted(self._manager.lost.items())] if self._manager else []
+        missed = self._manager.register.missed if self._manager else {}
+        lost = [f"rank {rank} {how}" for rank, how in sorted(missed.items())]
         failed = "; ".join([*lost, *self.failures])
         level: Level = "error" if failed else "info"
         journal.take(note_of(HEAD, level, f"ended: {ended}" + (f"; {failed}" if failed else "")))
@@ -235,7 +240,13 @@ class HeadProcess:
             most = 0
         else:
             most = self._manager.plan.layout.config.transport.restarts
-        return self._dead.news(self._bootstrap.dead(), most, self._clock.now())
+        given = self._manager.joining.ranks if self._manager is not None else ()  # whose place others have by now
+        dead = {rank: how for rank, how in self._bootstrap.dead().items() if rank not in given}
+        return self._dead.news(dead, most, self._clock.now())
+
+    def _invitations(self) -> Iterator[Invitation]:
+        assert self._manager is not None
+        return self._inviter.look(self._manager.plan)
 
     def _start_again(self, rank: int, life: int) -> bool:
         """Start a rank again that died. Returns whether that was tried."""
@@ -281,7 +292,7 @@ class HeadProcess:
         """The outcome of a run that began."""
         assert self._manager is not None
         assert self.summary is not None
-        lost = [f"rank {rank} {how}" for rank, how in sorted(self._manager.lost.items())]
+        lost = [f"rank {rank} {how}" for rank, how in sorted(self._manager.register.missed.items())]
         return Outcome(summary=self.summary, failed="; ".join([*lost, *self.failures]))
 
 

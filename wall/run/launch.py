@@ -65,7 +65,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         check_displays(window_panels(layout, range(layout.size)))
     machines = [""] * layout.size
     layout = reconstructed_at_renderers(layout, machines)
-    plan, tracer_scene = _prepare(layout, say, headless=options.headless)
+    plan, tracer_scene = prepare(layout, say, headless=options.headless)
     if options.record is not None:
         begin_recording(options.record, plan)
 
@@ -108,7 +108,7 @@ def _run_mpi(
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     if not options.headless:
         check_displays(window_panels(layout, (bootstrap.rank,)))
-    plan, tracer_scene = _prepare(
+    plan, tracer_scene = prepare(
         layout, say if bootstrap.rank == HEAD else lambda line: None, headless=options.headless
     )
     if options.record is not None and bootstrap.rank == HEAD:
@@ -149,7 +149,8 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
     )
 
 
-def _prepare(layout: Layout, say: Callable[[str], None], *, headless: bool) -> tuple[Plan, TracerScene]:
+def prepare(layout: Layout, say: Callable[[str], None], *, headless: bool) -> tuple[Plan, TracerScene]:
+    """Load the scene of a layout, and the kernels. Raises ConfigError."""
     say("loading the scene")
     plan = make_plan(layout)
     for note in plan.scene.notes:

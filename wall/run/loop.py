@@ -19,6 +19,7 @@ from wall.display.base import Sink, Status, TakesSamples, TellsStatus, WallImage
 from wall.packets.control import Adopt, Heartbeat, Membership, Message, Prepare
 from wall.roles.instructions import (
     MANAGER,
+    Admit,
     Broadcast,
     Connect,
     Dropped,
@@ -145,6 +146,8 @@ class Loop:
                 return [Dropped(to, dropped) for dropped in self._ports.offer(to, packet)]
             case Connect(rank, endpoint):
                 self._ports.connect(rank, endpoint)
+            case Admit(rank, key):
+                self._ports.admit(rank, key)
             case Trace():
                 assert self._tracers is not None
                 return self._tracers.start(instruction)

@@ -8,19 +8,32 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
-from wall.packets.control import EditAnswer, EditRequest, Membership, Message, Ping, Pong, parse_control, serialise
+from wall.packets.control import (
+    EditAnswer,
+    EditRequest,
+    Membership,
+    Message,
+    Ping,
+    Pong,
+    Stop,
+    parse_control,
+    serialise,
+)  # fmt: skip
+from wall.packets.joining import JoinRequest
 from wall.packets.notes import Level, note_of
 from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.roles.plan import HEAD
 from wall.run.clock import HeadClock
 from wall.transport.base import FIRST_CLIENT, GUEST, MAX_CONTROL, Hub, Link
-from wall.transport.curve import Keys
+from wall.transport.curve import Keys, is_key
 from wall.transport.factory import connect
 
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 SYNCHRONISE_S = 30.0  # for the manager's first answer: its host may be slow to start
 MAX_REASON = 1000  # characters of why an answer could not be sent
+FORMER = 256  # links of ranks whose place others have: so many are remembered
+REPLACED = "another process has taken the place of this rank"
 FIRST_PING_S = 0.1  # between pings until one is answered
 
 
@@ -41,6 +54,7 @@ class Ports:
         self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
         self._senders: dict[int, bytes] = {}  # of samples, by rank: its link
         self._incarnations: dict[int, int] = {}  # of ranks, as the manager says
+        self._former: deque[bytes] = deque(maxlen=FORMER)  # links of processes that were ranks, and are not any more
         self._ping_due, self._keys = 0.0, keys
         self._backlog: deque[Message] = deque(maxlen=MAX_CONTROL)  # came before the head's time was known
 
@@ -98,6 +112,16 @@ class Ports:
             earlier.close()
             self._counters += earlier.counters  # what was dropped stays counted
         self._links[rank] = connect(endpoint, rank=self._rank, keys=self._keys, to=rank)
+
+    def admit(self, rank: int, key: str) -> None:
+        """From now on a rank is who proves this key; the process that was it before is told to end."""
+        self._part_with(self._peers.pop(rank, None))
+        if key and self._hub is not None:
+            self._hub.admit(rank, key)
+
+    def _part_with(self, peer: bytes | None) -> None:
+        if peer is not None:
+            self._former.append(peer)
 
     def ready(self, to: int) -> bool:
         """Whether a packet to a rank would be sent at once."""
@@ -161,10 +185,12 @@ class Ports:
                 yield message
 
     def _let_begin_anew(self, membership: Membership) -> None:
-        """Ranks that were started again speak by other links."""
+        """Ranks that were started again, or whose place another process has taken, speak by other links."""
         for member in membership.members:
             if self._incarnations.get(member.rank, member.incarnation) != member.incarnation:
-                self._senders.pop(member.rank, None)
+                self._part_with(self._senders.pop(member.rank, None))
+            if member.key and self._hub is not None:
+                self._hub.admit(member.rank, member.key)
             self._incarnations[member.rank] = member.incarnation
 
     def _of_ranks(self, hub: Hub) -> Iterator[Message]:
@@ -192,6 +218,11 @@ class Ports:
         With keys it is the one whose key that is. Without, a rank's is the first by which it spoke, as long as that is
         open.
         """
+        if peer in self._former:
+            self._counters["stranger"] += 1
+            if self._manager is None:
+                hub.send(peer, serialise(Stop(reason=REPLACED)))
+            return False
         holder, known = hub.proven(peer), peers.get(rank)
         if holder is not None:
             ours = holder == (rank if rank < FIRST_CLIENT else GUEST)
@@ -216,7 +247,10 @@ class Ports:
 
     def _parsed(self, data: bytes) -> Message | None:
         try:
-            return parse_control(data)
+            message = parse_control(data)
+            if isinstance(message, JoinRequest) and message.public and not is_key(message.public):
+                raise RemoteProtocolError("a JoinRequest with a key that is none")
+            return message
         except RemoteProtocolError:
             self._counters["bad_message"] += 1
             return None
@@ -224,6 +258,6 @@ class Ports:
 
 def _sender(message: Message) -> int | None:
     """Where an answer goes: a rank, or the number of a process beside the run; None where nobody waits for one."""
-    if isinstance(message, EditRequest):
+    if isinstance(message, EditRequest | JoinRequest):
         return message.client if message.client >= FIRST_CLIENT else None
     return getattr(message, "rank", MANAGER)

@@ -28,6 +28,7 @@ from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.clock import HeadClock
 from wall.run.endings import EndSignals, WriterApart, leave_to_head
 from wall.run.event_file import EventFile
+from wall.run.joined import JoinedBootstrap
 from wall.run.loop import Loop, OnShown, Source
 from wall.run.ports import Ports
 from wall.run.recording import RecordedClock, RecordedPorts, file_of
@@ -53,11 +54,12 @@ def serve(
     headless: bool,
     out: Path,
     record: Path | None = None,
+    sources: Sequence[Source] = (),
 ) -> None:
     """Be a rank other than the head, until the manager says stop.
 
     `preparer`: of configurations that follow; `out`: folder for files of sinks here; `record`: folder for what
-    renderers are told.
+    renderers are told; `sources`: of what a renderer is told by other ways than the network.
     """
     rank, address = bootstrap.rank, json.loads(bootstrap.broadcast(""))
     if "number" in address:
@@ -66,10 +68,10 @@ def serve(
     if bootstrap.killed_soon:
         leave_to_head()
     if plan.layout.role(rank) == "renderer":
-        if isinstance(bootstrap, LocalBootstrap):
+        if isinstance(bootstrap, LocalBootstrap | JoinedBootstrap):
             os.nice(RENDERER_NICE)
         file = file_of(record, rank, address.get("life", 0)) if record is not None else None
-        _render(plan, tracer_scene, bootstrap, address, preparer, file)
+        _render(plan, tracer_scene, bootstrap, address, preparer, file, sources)
     else:
         _compose(plan, bootstrap, address, preparer, out, headless=headless)
 
@@ -93,10 +95,12 @@ def _render(
     address: Mapping[str, str],
     preparer: Preparer,
     record: Path | None,
+    sources: Sequence[Source],
 ) -> None:
     """`record`: a file that keeps all that it is told; then its workers take turns, so that there is one order."""
     rank, keys, life = bootstrap.rank, bootstrap.keys, int(address.get("life", 0))
-    head_clock, hello = HeadClock(), hello_of(rank, "")
+    key = bootstrap.key if isinstance(bootstrap, JoinedBootstrap) else ""
+    head_clock, hello = HeadClock(), hello_of(rank, "", key)
     clock: Clock = head_clock
     traced: OnTraced | None = None
     with ExitStack() as closing:
@@ -122,7 +126,8 @@ def _render(
             return renderer, tracers
 
         renderer, tracers = make(plan, tracer_scene, None)
-        loop = Loop(renderer, ports, clock, tracers=tracers, succession=Succession(rank, preparer, make))
+        succession = Succession(rank, preparer, make)
+        loop = Loop(renderer, ports, clock, tracers=tracers, sources=sources, succession=succession)
         closing.callback(loop.close)
         loop.run()
 
@@ -197,10 +202,10 @@ def _manager_of(plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str]) ->
     return connect(address["manager"], rank=bootstrap.rank, keys=bootstrap.keys, to=HEAD), ping_s
 
 
-def hello_of(rank: int, endpoint: str) -> Hello:
-    """What this process says of itself; `endpoint`: where others send packets to."""
+def hello_of(rank: int, endpoint: str, key: str = "") -> Hello:
+    """What this process says of itself; `endpoint`: where others send packets to; `key`: of one that has joined."""
     incarnation = int.from_bytes(os.urandom(6), "little")
-    return Hello(rank=rank, host=socket.gethostname(), endpoint=endpoint, incarnation=incarnation)
+    return Hello(rank=rank, host=socket.gethostname(), endpoint=endpoint, incarnation=incarnation, key=key)
 
 
 def open_data_hub(plan: Plan, keys: Keys | None) -> Hub:

@@ -50,11 +50,13 @@ def check_same(ranks: Gathers, layout: Layout, machines: Sequence[str]) -> None:
         raise ConfigError("\n".join(found))
 
 
-def differences(prints: Sequence[dict[str, str]], machines: Sequence[str]) -> list[str]:
+def differences(prints: Sequence[dict[str, str]], machines: Sequence[str], who: Sequence[str] = ()) -> list[str]:
     """A line for each file that is not the same everywhere; hosts are named once, with their first rank.
 
     prints : of each rank, its fingerprints
+    who : their names, where they are no ranks yet
     """
+    who = who or [f"rank {rank}" for rank in range(len(prints))]
     lines: list[str] = []
     for name in dict.fromkeys(name for each in prints for name in each):
         own = prints[HEAD].get(name)
@@ -62,10 +64,10 @@ def differences(prints: Sequence[dict[str, str]], machines: Sequence[str]) -> li
         for rank, each in enumerate(prints):
             if (found := each.get(name)) != own:
                 what = "is missing" if found in (None, MISSING) else "differs"
-                others.setdefault(machines[rank], f"{what} on {machines[rank]} (rank {rank})")
+                others.setdefault(machines[rank], f"{what} on {machines[rank]} ({who[rank]})")
         if others:
             there = "is not there" if own in (None, MISSING) else "is another one"
-            head = f"on {machines[HEAD]} (rank {HEAD}) it {there}"
+            head = f"on {machines[HEAD]} ({who[HEAD]}) it {there}"
             lines.append(f"{name}: {', '.join(others.values())}; {head}; wanted: the same on all hosts")
     return lines
 

@@ -13,6 +13,7 @@ from wall.config.loading import loads, read_text
 from wall.core.errors import ConfigError, RunError, WallError
 from wall.packets.control import Adopt, Prepare, Prepared
 from wall.roles.instructions import Changed, PlanMade, Role
+from wall.roles.joining import grown
 from wall.roles.plan import Plan, check_files, make_layout, make_plan, reconstructed_at_renderers
 from wall.roles.reloading import check_fits
 from wall.run.tracers import Tracers
@@ -31,7 +32,7 @@ class Preparer:
 
     def __init__(self, plan: Plan, machines: Sequence[str]) -> None:
         """`plan`: what runs; `machines`: of every rank."""
-        self._plan, self._machines = plan, machines
+        self._plan, self.machines = plan, machines
         self._lock = threading.Lock()
         self._begun = plan.number
         self._newest: tuple[PlanMade, TracerScene | None] | None = None
@@ -61,7 +62,7 @@ class Preparer:
             layout = make_layout(loads(wanted.text, name=wanted.path, path=Path(wanted.path)))
             check_fits(self._plan.layout, layout)
             check_files(layout)
-            layout = reconstructed_at_renderers(layout, self._machines)
+            layout = grown(reconstructed_at_renderers(layout, self.machines), self._plan.layout.extra)
             plan = replace(make_plan(layout), number=wanted.number)
             scene = make_tracer_scene(plan.scene)
             warm_up(plan, scene, lambda line: None, beside=True)

@@ -134,6 +134,10 @@ class Hub(ABC):
         """The rank by whose key a peer speaks, GUEST or NOBODY; None where there are no keys."""
         return None
 
+    def admit(self, rank: int, key: str) -> None:
+        """From now on take new connections of a rank by this key, and by no other; without keys by none."""
+        return
+
     def broadcast(self, message: bytes) -> None:
         """Send a control message to everyone who has spoken."""
         for peer in list(self._credits):

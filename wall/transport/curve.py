@@ -1,12 +1,14 @@
 """Who may connect to a hub, and as whom: CURVE keys of a run, and the check of keys. Imports zmq, as zeromq.py does.
 
 Each rank has a pair of keys. A link proves its own with each connection, and wants that of the hub that it means. A hub
-lets in the keys of its run alone, and marks every message with the rank whose key it came by.
+lets in the keys of its run alone, and marks every message with the rank whose key it came by. A process that takes the
+place of a rank while the wall runs has keys of its own, which hubs are told.
 """
 
 from __future__ import annotations
 
 import hashlib
+import struct
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -18,6 +20,7 @@ from wall.core.errors import RunError
 from wall.transport.base import GUEST
 
 DOMAIN = b"wall"
+KEY_CHARACTERS, KEY_BYTES = 40, 32
 _ZAP = "inproc://zeromq.zap.01"  # where libzmq asks, https://rfc.zeromq.org/spec/27/
 
 
@@ -85,6 +88,14 @@ class Keys:
         socket.setsockopt(zmq.CURVE_SERVERKEY, self.ranks[to].encode())
 
 
+def is_key(text: str) -> bool:
+    """Whether a text can be a public key."""
+    try:
+        return len(text) == KEY_CHARACTERS and len(z85.decode(text)) == KEY_BYTES
+    except (KeyError, ValueError, struct.error):
+        return False
+
+
 class Gatekeeper(threading.Thread):
     """Answers libzmq's question who may connect, for all sockets of a context; ends with the context.
 
@@ -94,7 +105,7 @@ class Gatekeeper(threading.Thread):
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], keys: Keys) -> None:
         super().__init__(name="gatekeeper", daemon=True)
-        self._holders = {z85.decode(key): b"%d" % rank for rank, key in enumerate(keys.ranks)}
+        self._holders = {z85.decode(key): b"%d" % rank for rank, key in enumerate(keys.ranks) if key}
         if keys.guests:
             self._holders[z85.decode(keys.guests)] = b"%d" % GUEST
         self._socket = context.socket(zmq.REP)
@@ -102,14 +113,20 @@ class Gatekeeper(threading.Thread):
         self._socket.bind(_ZAP)
         self.start()
 
+    def admit(self, rank: int, key: str) -> None:
+        """From now on a rank has this key in place of another. Called by the hub's thread."""
+        name, own = b"%d" % rank, z85.decode(key)
+        if self._holders.get(own) != name:
+            self._holders = {k: who for k, who in self._holders.items() if who != name} | {own: name}
+
     def run(self) -> None:
-        """Answer until the context ends."""
+        """Answer until the context ends. Who is not known may be so soon: its connection tries again."""
         try:
             while True:
                 version, request, _, _, _, mechanism, *credentials = self._socket.recv_multipart()
                 known = mechanism == b"CURVE" and len(credentials) == 1
                 holder = self._holders.get(credentials[0]) if known else None
-                status = b"400" if holder is None else b"200"
+                status = b"300" if holder is None else b"200"
                 self._socket.send_multipart((version, request, status, b"", holder or b"", b""))
         except zmq.ContextTerminated:
             self._socket.close()

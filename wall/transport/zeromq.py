@@ -204,7 +204,7 @@ class ZmqHub(Hub):
             self._socket.setsockopt(zmq.TCP_ACCEPT_FILTER, network.encode())
         self._locked = keys is not None
         if keys is not None:
-            Gatekeeper(self._context, keys)
+            self._gatekeeper = Gatekeeper(self._context, keys)
             keys.lock(self._socket)
         try:
             port = _bind(self._socket, bind, ports)
@@ -230,6 +230,11 @@ class ZmqHub(Hub):
     def proven(self, peer: bytes) -> int | None:
         """The rank by whose key a peer speaks, GUEST or NOBODY; None where there are no keys."""
         return self._holders.get(peer, NOBODY) if self._locked else None
+
+    def admit(self, rank: int, key: str) -> None:
+        """From now on takes new connections of a rank by this key alone."""
+        if self._locked:
+            self._gatekeeper.admit(rank, key)
 
     def wait(self, seconds: float, link: Link | None = None) -> None:
         """Waits up to `seconds` for a packet or message, here or at `link`."""

@@ -1,0 +1,112 @@
+"""A process that becomes a rank of a running wall: what the head tells it, and how it begins by that."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from wall.config.loading import dump, loads
+from wall.core.errors import ConfigError
+from wall.packets.joining import JoinAnswer
+from wall.roles.instructions import Invitation
+from wall.roles.joining import grown
+from wall.roles.plan import Layout, Plan, make_layout, reconstructed_at_renderers
+from wall.run.same_files import differences, fingerprints
+from wall.transport.curve import KeyPair, Keys
+from wall.transport.shared_memory import machine_id
+
+
+class Inviter:
+    """At the head: makes, in a thread, what processes are told that want to join; of each configuration once."""
+
+    def __init__(self, machines: Sequence[str], keys: Keys | None, *, headless: bool) -> None:
+        """`machines`: of every rank of the configuration, as plans are made by."""
+        self._machines, self._headless = list(machines), headless
+        self._keys = [] if keys is None else list(keys.ranks)
+        self._begun = -1
+        self._news: deque[Invitation] = deque()
+
+    def look(self, plan: Plan) -> Iterator[Invitation]:
+        """What was made since this was asked last; `plan`: what runs."""
+        if plan.number != self._begun:
+            self._begun = plan.number
+            threading.Thread(target=self._make, args=(plan,), name="inviter", daemon=True).start()
+        while self._news:
+            yield self._news.popleft()
+
+    def _make(self, plan: Plan) -> None:
+        """Reading files takes long where models are large, and they may be others later."""
+        loaded = plan.layout.loaded
+        told = {
+            "text": dump(loaded.config),
+            "path": str(Path(loaded.path).absolute()),
+            "prints": fingerprints(plan.layout),
+            "host": socket.gethostname(),
+            "machine": machine_id(),
+            "machines": self._machines,
+            "keys": self._keys,
+            "headless": self._headless,
+        }
+        self._news.append(Invitation(plan.number, json.dumps(told)))
+
+
+class Told:
+    """What a process was told by an Invitation."""
+
+    def __init__(self, answer: JoinAnswer) -> None:
+        self.number = answer.configuration
+        self._values: dict[str, Any] = json.loads(answer.told)
+        self.machines: list[str] = self._values["machines"]
+        self.headless: bool = self._values["headless"]
+
+    def layout(self) -> Layout:
+        """The run's layout, of this host's files. Raises ConfigError where they are others than the head's."""
+        values, path = self._values, self._values["path"]
+        layout = make_layout(loads(values["text"], name=path, path=Path(path)))
+        hosts, who = [values["host"], socket.gethostname()], ("rank 0", "this process")
+        if found := differences([values["prints"], fingerprints(layout)], hosts, who):
+            raise ConfigError("\n".join(found))
+        return reconstructed_at_renderers(layout, self.machines)
+
+    def bootstrap(self, answer: JoinAnswer, plan: Plan, own: KeyPair | None, endpoint: str) -> JoinedBootstrap:
+        """How this process begins as the rank that it has got; `endpoint`: of the manager."""
+        keys = None if own is None else Keys(own, tuple(self._values["keys"]))
+        address = json.dumps({"manager": endpoint, "machine": self._values["machine"]})
+        return JoinedBootstrap(answer.rank, plan.layout.size, keys, address)
+
+
+class JoinedBootstrap:
+    """A process that was given a place; nobody watches it but by its heartbeats."""
+
+    killed_soon = False
+
+    def __init__(self, rank: int, size: int, keys: Keys | None, address: str) -> None:
+        self.rank, self.size, self.keys, self._address = rank, size, keys, address
+        self.key = "" if keys is None else keys.own.public
+
+    def broadcast(self, text: str) -> str:
+        """What rank 0 has told."""
+        return self._address
+
+    def dead(self) -> dict[int, str]:
+        """None that it knows of."""
+        return {}
+
+    def start_again(self, rank: int, text: str) -> bool:
+        """It starts nobody."""
+        return False
+
+    def finish(self) -> None:
+        """It has started nobody."""
+
+
+def as_given(plan: Plan, answer: JoinAnswer) -> Plan:
+    """The plan with the places that the run has by now."""
+    layout = grown(plan.layout, answer.extra)
+    return replace(plan, layout=layout, number=answer.configuration, since=answer.since)
