@@ -14,7 +14,7 @@ import time
 import urllib.error
 import urllib.request
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import pytest
@@ -67,10 +67,11 @@ def wall(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Compl
     return subprocess.run(command, capture_output=True, text=True, timeout=RUN_LIMIT_S, env=environment(), check=False)
 
 
-def start(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+def start(*arguments: object, launcher: tuple[str, ...] = (), stdin: IO[str] | None = None) -> subprocess.Popen[str]:
     """Start `wall` in a session of its own, so that all its processes can be found and ended."""
     return subprocess.Popen(
         [*launcher, *WALL, *map(str, arguments)],
+        stdin=stdin,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

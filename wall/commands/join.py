@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,7 @@ from wall.run.joined import Told, as_given
 from wall.run.launch import prepare
 from wall.run.ranks import serve
 from wall.run.succession import Preparer
+from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene
 from wall.transport.curve import KeyPair
 
@@ -49,6 +51,7 @@ def join(control: control_file.Control, say: Say) -> str:
     plan = as_given(plan, answer)
     part = plan.layout.describe(answer.rank) or "what the others leave to it"
     say(f"rank {answer.rank} of the wall of process {control.pid} on {control.host}: {part}")
+    threading.Thread(target=_load_rest, args=(plan, scene, told), name="kernels", daemon=True).start()
     try:
         serve(
             plan, scene, told.bootstrap(answer, plan, own, control.endpoint), Preparer(plan, told.machines),
@@ -57,6 +60,11 @@ def join(control: control_file.Control, say: Say) -> str:
     finally:
         signals.restore()
     return f"left: {reason}" if reason else "the wall has ended"
+
+
+def _load_rest(plan: Plan, scene: TracerScene, told: Told) -> None:
+    """Load the kernels of the samplers that viewers may choose, beside what this process traces by then."""
+    warm_up(plan, scene, lambda line: None, headless=told.headless, beside=True)
 
 
 def control_at(address: str) -> control_file.Control:
@@ -79,4 +87,4 @@ def _place(client: Client, public: str, say: Say, signals: EndSignals) -> tuple[
             return made[0], answer, made[1], made[2]
         signals.restore()
         told = Told(answer)
-        made = told, *prepare(told.layout(), say, headless=told.headless)
+        made = told, *prepare(told.layout(), say, headless=True)  # what viewers may choose comes later, see _load_rest

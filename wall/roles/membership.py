@@ -54,6 +54,7 @@ class Register:
         """A rank that has joined has said that it ends."""
         if rank in self._here:
             self._here.discard(rank)
+            del self._heard[rank]
             self.lost[rank] = f"left after {now - self._began:.1f} s"
             self._died.add(rank)
             self.news.append(note_of(rank, "warning", "leaves"))
@@ -134,14 +135,14 @@ class Register:
         if absent == self._absent.keys():
             return
         self._due = now
-        for rank in self._absent.keys() - absent:
+        for rank in {rank for rank in self._absent.keys() - absent if rank < self._size}:
             self._marked_s[rank] = self._marked_s.get(rank, 0.0) + now - self._absent[rank]
         self._absent = {rank: self._absent.get(rank, now) for rank in sorted(absent)}
 
     def marked_s(self, now: float) -> dict[int, float]:
         """By rank: for how many seconds its part of the wall was marked, up to now. Other threads may ask."""
         absent = self._absent
-        times = {rank: now - since for rank, since in absent.items() if rank in self.members}
+        times = {rank: now - since for rank, since in absent.items() if rank in self.members and rank < self._size}
         return {k: self._marked_s.get(k, 0.0) + times.get(k, 0.0) for k in sorted({*self._marked_s, *times})}
 
     def silence(self, ranks: Iterable[int], now: float) -> float:

@@ -56,7 +56,7 @@ class Tracers:
         self._tracer_scene = tracer_scene
         self._of_regions = [self._workers_of(*each) for each in zip(self._regions, self._images, strict=True)]
         self.workers = list(chain.from_iterable(self._of_regions))
-        at_once = max(map(len, self._of_regions))
+        at_once = max(map(len, self._of_regions), default=plan.layout.sampling.threads)
         self._pool = ThreadPoolExecutor(at_once) if threads and at_once > 1 else None
         self._running: set[Future[Traced]] = set()
 

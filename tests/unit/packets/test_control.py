@@ -34,6 +34,7 @@ from wall.packets.control import (
     serialise,
 )
 from wall.packets.framelets import HEAD, FrameletPart
+from wall.packets.joining import JoinAnswer, JoinRequest, Leave
 from wall.packets.notes import Note, note_of
 
 FINITE = st.floats(-1e15, 1e15)
@@ -79,6 +80,9 @@ EXAMPLES: list[Message] = [
     Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4),
     Pong(sent=1.5, head_time=9.25),
     Stop(reason="time is up"),
+    JoinRequest(client=1 << 32, number=2, key="k", host="node7", configuration=0, public="p"),
+    JoinAnswer(client=1 << 32, number=2, rank=3, configuration=1, since=9, extra=2, told="{}"),
+    Leave(rank=3),
     WindowInput(rank=2, commands=[{"kind": "pause"}], escape="Escape was pressed", closed=True),
 ]
 

@@ -28,7 +28,7 @@ from wall.packets.notes import Note
 from wall.packets.samples import encode
 from wall.roles.instructions import MANAGER, Packet
 from wall.run.clock import HeadClock
-from wall.run.ports import Ports
+from wall.run.ports import REPLACED, Ports
 from wall.transport.base import FIRST_CLIENT, GUEST, Hub
 from wall.transport.curve import Keys
 from wall.transport.factory import connect, open_hub
@@ -167,6 +167,34 @@ def test_with_keys_nobody_speaks_in_another_s_name() -> None:
     assert came.count(Packet(packet)) == 1
     assert all(message in came for message in own.values())
     close(*senders.values(), ports)
+
+
+def test_who_was_a_rank_is_told_to_end_once_its_place_is_another_s() -> None:
+    control, data = LoopbackHub(credit_bytes=1), LoopbackHub(credit_bytes=1 << 20)
+    ports, former, joined = Ports(MANAGER, HeadClock(), hub=control), *(LoopbackLink(control.endpoint) for _ in "ab")
+    compositor = Ports(0, HeadClock(), hub=data, manager=LoopbackLink(control.endpoint))
+    thawed, new = (LoopbackLink(data.endpoint) for _ in "ab")
+    packet, beat = encode(batch_of(plain_samples(1))), Heartbeat(rank=2, time=0.0)
+    former.send(serialise(beat))
+    assert list(ports.receive()) == [beat]
+    thawed.offer(packet)
+    ports.broadcast(Membership(members=(Hello(rank=2, host="", endpoint="", incarnation=5),)))
+    assert len(list(compositor.receive())) == 2
+
+    ports.admit(2, "")
+    former.send(serialise(beat))
+    assert list(ports.receive()) == []
+    assert parse_control(former.receive()[-1]) == Stop(reason=REPLACED)
+    ports.broadcast(Membership(members=(Hello(rank=2, host="", endpoint="", incarnation=6),)))
+    assert len(list(compositor.receive())) == 1
+    thawed.offer(packet)
+    assert list(compositor.receive()) == [], "it speaks first, and is not heard"
+    new.offer(packet)
+    joined.send(serialise(beat))
+    assert list(compositor.receive()) == [Packet(packet)]
+    assert list(ports.receive()) == [beat]
+    assert (ports.drops(), compositor.drops()) == ({"stranger": 1}, {"stranger": 1})
+    close(joined, former, new, thawed, ports, compositor)
 
 
 @pytest.mark.parametrize("value", [float("inf"), "x" * MAX_ANSWER_BYTES])

@@ -157,6 +157,25 @@ def test_a_connection_that_does_not_say_who_it_is_is_closed(
     until(hub.messages)
 
 
+def test_a_rank_s_place_goes_to_another_key_and_who_came_too_early_tries_again(
+    closing: ExitStack, keys: list[Keys]
+) -> None:
+    hub = hub_of(closing, keys[HEAD])
+    joined, refusals = replace(keys[FIRST], own=KeyPair.new()), refusals_of(closing, hub)
+    early = link_to(closing, hub, joined)
+    early.send(b"early")
+    until(refusals)
+    hub.admit(FIRST, joined.own.public)
+    said: list[tuple[bytes, bytes]] = []
+    until(lambda: said.extend(hub.messages()) or said)
+    assert [(hub.proven(peer), word) for peer, word in said] == [(FIRST, b"early")]
+    refusals()
+    former = link_to(closing, hub, keys[FIRST])
+    former.send(b"former")
+    until(refusals)
+    assert hub.messages() == []
+
+
 class Tap:
     """Passes one connection on to a port of this machine, and keeps what comes by it."""
 
