@@ -15,7 +15,7 @@ from wall.core.errors import EditError, RemoteProtocolError
 from wall.packets.control import Hello
 from wall.packets.joining import JoinAnswer, JoinRequest
 from wall.roles.editing import Editor
-from wall.roles.instructions import Admit, Instruction, Invitation, Send
+from wall.roles.instructions import Admit, Broadcast, Instruction, Invitation, Send
 from wall.roles.membership import Register
 from wall.roles.plan import Layout, Plan
 
@@ -85,6 +85,7 @@ class Joining:
         self.extra += free >= plan.layout.size
         register.give_away(free)
         yield Admit(free, request.public)
+        yield Broadcast(Hello(rank=free, host=request.host, endpoint="", incarnation=0, key=request.public))
         yield Send(request.client, replace(answer, rank=free, extra=self.extra))
 
     def _free(self, request: JoinRequest, layout: Layout, register: Register, now: float) -> int | None:
@@ -92,7 +93,7 @@ class Joining:
         for rank, given in self._given.items():
             if given.client == request.client:
                 return rank
-        taken = {rank for rank, given in self._given.items() if now < given.limit and not register.came(rank)}
+        taken = {rank for rank, given in self._given.items() if now < given.limit and register.promised(rank)}
         lost = [rank for rank in layout.renderers() if register.excused(rank) and rank not in taken]
         if lost:
             return min(lost, key=lambda rank: (not register.died(rank), rank))

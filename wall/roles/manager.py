@@ -115,7 +115,7 @@ class Manager:
     def _grow(self, plan: Plan) -> None:
         """Know of places beyond the configuration's."""
         self._layout = grown(plan.layout, self.joining.extra)
-        self.plan = replace(plan, layout=self._layout)
+        self.plan = plan if self._layout is plan.layout else replace(plan, layout=self._layout)
         self._reloading.grow(self.plan)
         if self.balancer is not None:
             self.balancer.grow(self._layout)

@@ -35,8 +35,8 @@ class Register:
         self._notes: deque[Note] = deque(maxlen=MOST_NOTES)  # for the head's process
         self._died: set[int] = set()  # of the lost ones: those whose process has ended
         self._size = size  # of the configuration
-        self._joined: set[int] = set()  # places that were given away
-        self._here: set[int] = set()  # of those: whose new process takes part
+        self._promised: set[int] = set()  # places that were given away, and not taken up yet
+        self._here: set[int] = set()  # ranks that have joined
         self._coming: set[int] = set()  # of those: those that were started again
         self._heard, self._began = dict.fromkeys(range(1, size), now), now  # by rank: when it gave a sign of life
         self._absent: dict[int, float] = {}  # ranks that are not heard of any more: since when
@@ -47,7 +47,7 @@ class Register:
         """Another process is to have the place of a lost rank, or a new one; until it says Hello that is nobody's."""
         self.lost.setdefault(rank, NOT_YET)
         self._died.add(rank)
-        self._joined.add(rank)
+        self._promised.add(rank)
         self._here.discard(rank)
 
     def leave(self, rank: int, now: float) -> None:
@@ -60,8 +60,12 @@ class Register:
             self.news.append(note_of(rank, "warning", "leaves"))
 
     def came(self, rank: int) -> bool:
-        """Whether the process to which a place was given has said Hello, and has not left."""
+        """Whether a rank is a process that has joined, and has not left."""
         return rank in self._here
+
+    def promised(self, rank: int) -> bool:
+        """Whether a place was given to a process that has not said Hello yet."""
+        return rank in self._promised
 
     def died(self, rank: int) -> bool:
         """Whether nobody is to be expected in a place: its process has ended."""
@@ -80,10 +84,10 @@ class Register:
             self._died.discard(hello.rank)
             self._coming.discard(hello.rank)
             how, self._heard[hello.rank] = self.lost.pop(hello.rank), now
-            joined = hello.rank in self._joined
             if hello.rank < self._size:
                 self.restarts.setdefault(hello.rank, []).append(how)
-            if joined:
+            if hello.rank in self._promised:
+                self._promised.discard(hello.rank)
                 self._here.add(hello.rank)
                 self.news.append(note_of(hello.rank, "warning", f"a process on {hello.host} has joined as this rank"))
             else:

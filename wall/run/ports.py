@@ -11,6 +11,7 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
 from wall.packets.control import (
     EditAnswer,
     EditRequest,
+    Hello,
     Membership,
     Message,
     Ping,
@@ -119,6 +120,11 @@ class Ports:
         if key and self._hub is not None:
             self._hub.admit(rank, key)
 
+    def _let_in(self, member: Hello) -> None:
+        """Take connections of a rank by the key that it has by now."""
+        if member.key and self._hub is not None:
+            self._hub.admit(member.rank, member.key)
+
     def _part_with(self, peer: bytes | None) -> None:
         if peer is not None:
             self._former.append(peer)
@@ -179,6 +185,8 @@ class Ports:
             message = self._parsed(data)
             if isinstance(message, Pong):
                 self._clock.learn(message.sent, message.head_time)
+            elif isinstance(message, Hello):  # of a process that comes soon
+                self._let_in(message)
             elif message is not None:
                 if isinstance(message, Membership):
                     self._let_begin_anew(message)
@@ -189,8 +197,7 @@ class Ports:
         for member in membership.members:
             if self._incarnations.get(member.rank, member.incarnation) != member.incarnation:
                 self._part_with(self._senders.pop(member.rank, None))
-            if member.key and self._hub is not None:
-                self._hub.admit(member.rank, member.key)
+            self._let_in(member)
             self._incarnations[member.rank] = member.incarnation
 
     def _of_ranks(self, hub: Hub) -> Iterator[Message]:

@@ -120,7 +120,7 @@ class Gatekeeper(threading.Thread):
             self._holders = {k: who for k, who in self._holders.items() if who != name} | {own: name}
 
     def run(self) -> None:
-        """Answer until the context ends. Who is not known may be so soon: its connection tries again."""
+        """Answer until the context ends. Who is not known may be so later: its connection tries again."""
         try:
             while True:
                 version, request, _, _, _, mechanism, *credentials = self._socket.recv_multipart()

@@ -134,9 +134,9 @@ def test_a_renderer_without_a_strip_rests_and_takes_one_up(plan: Plan) -> None:
     assert (role.due > 0.1, role.complete) == (True, True)
     assert role._heartbeat(0.2).costs == {}
     list(role.on_message(Assignment(number=2, cuts=[0, 64, 128]), 0.3))
-    assert [len(i.regions) for i in role.on_tick(0.3) if isinstance(i, Reassign)] == [1]
-    list(role.on_message(event, 0.4))  # the manager repeats it
-    assert [i for i in role.on_tick(0.4) if isinstance(i, Trace)]
+    told = list(role.on_tick(0.3))
+    assert [len(i.regions) for i in told if isinstance(i, Reassign)] == [1]
+    assert [i.event for i in told if isinstance(i, Trace)] == [event], "of which it heard before"
 
 
 def test_small_differences_move_nothing() -> None:

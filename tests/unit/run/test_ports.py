@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from packet_examples import batch_of, plain_samples
@@ -114,6 +115,22 @@ def test_a_rank_speaks_by_the_link_by_which_it_spoke_first_as_long_as_that_is_op
     stranger.send(serialise(beats[2]))
     assert list(ports.receive()) == [beats[2]], "the rank has begun anew"
     close(stranger, ports)
+
+
+def test_a_compositor_knows_a_key_before_its_owner_comes_and_later_by_the_membership(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    control, data = LoopbackHub(credit_bytes=1), LoopbackHub(credit_bytes=1)
+    ports, admitted = Ports(0, HeadClock(), hub=data, manager=LoopbackLink(control.endpoint)), list[tuple[int, str]]()
+    monkeypatch.setattr(data, "admit", lambda rank, key: admitted.append((rank, key)))
+    coming = Hello(rank=2, host="", endpoint="", incarnation=0, key="of 2")
+    control.broadcast(serialise(coming))
+    assert list(ports.receive()) == []
+    members = replace(coming, incarnation=7), Hello(rank=1, host="", endpoint="", incarnation=8)
+    control.broadcast(serialise(Membership(members=members)))
+    assert len(list(ports.receive())) == 1
+    assert admitted == [(2, "of 2")] * 2
+    close(ports, control)
 
 
 def test_samples_in_another_rank_s_name_are_left_out() -> None:

@@ -158,8 +158,9 @@ def test_a_connection_that_does_not_say_who_it_is_is_closed(
 
 
 def test_a_rank_s_place_goes_to_another_key_and_who_came_too_early_tries_again(
-    closing: ExitStack, keys: list[Keys]
+    closing: ExitStack, keys: list[Keys], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(zeromq, "HANDSHAKE_MS", 100)
     hub = hub_of(closing, keys[HEAD])
     joined, refusals = replace(keys[FIRST], own=KeyPair.new()), refusals_of(closing, hub)
     early = link_to(closing, hub, joined)
