@@ -10,7 +10,6 @@ that has joined gets some of theirs.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from itertools import chain, pairwise
 
 import numpy as np
@@ -32,14 +31,14 @@ class Balancer:
     def __init__(self, layout: Layout, now: float) -> None:
         assert layout.strips is not None
         self._strips, self._layout, self._ranks = layout.strips, layout, layout.renderers()
-        own = len(layout.regions) - layout.extra
-        cuts = layout.strips.evenly(own)
-        self.assignment = Assignment(number=0, cuts=[*cuts, *cuts[-1:] * layout.extra])
+        self._own = len(layout.regions) - layout.extra  # renderers of the configuration
+        cuts = layout.strips.evenly(self._own)
+        self.assignment = Assignment(number=0, cuts=list(cuts))
         self._rows, self._measured = np.ones(cuts[-1]), False  # what each seems to cost; whether anything is known
         self._due, self._wait_s = now + PERIOD_S, PERIOD_S
         self._evenness = 0.0  # mean cost by the largest, at the last move
         self._numbers: tuple[tuple[int, int], ...] = ()  # of the events at the last look
-        self._alive = list(self._ranks)[:own]  # those who have a strip
+        self._alive = list(self._ranks)[: self._own]  # those who have a strip
 
     def on_tick(
         self, beats: Mapping[int, Heartbeat], lost: Collection[int], numbers: tuple[tuple[int, int], ...], now: float
@@ -78,10 +77,7 @@ class Balancer:
 
     def grow(self, layout: Layout) -> None:
         """There are more renderers, which have no strip until they are not lost any more."""
-        cuts, self._ranks = self.assignment.cuts, layout.renderers()
-        more = len(self._ranks) + 1 - len(cuts)
-        self.assignment = replace(self.assignment, cuts=[*cuts, *cuts[-1:] * more])
-        self._layout = layout.assigned(self.assignment.cuts)
+        self._ranks = layout.renderers()
 
     def hasten(self, now: float) -> None:
         """A renderer has joined: it gets its strip at once."""
@@ -93,6 +89,8 @@ class Balancer:
         cuts = [0]
         for rank in self._ranks:
             cuts.append(next(strips)[1] if rank in self._alive else cuts[-1])
+        while len(cuts) - 1 > self._own and self._ranks[len(cuts) - 2] not in self._alive:
+            cuts.pop()  # one that had joined, and is gone
         return tuple(cuts)
 
     def _assign(self, cuts: Cuts) -> Assignment:

@@ -103,7 +103,7 @@ class Layout:
 
     def views_of(self, rank: int) -> tuple[int, ...]:
         """The views that a rank follows: a compositor all of them."""
-        if self.role(rank) != "renderer":
+        if self.role(rank) != "renderer" or self.strips is not None:
             return tuple(range(len(self.config.views)))
         return tuple(sorted({region.view for region in self.regions_of(rank)}))
 

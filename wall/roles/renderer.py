@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from wall.core.data import Event, Region
 from wall.core.errors import RemoteProtocolError
@@ -33,6 +33,7 @@ from wall.roles.instructions import (
     Work,
     total,
 )
+from wall.roles.joining import grown
 from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
 from wall.roles.region_renderer import LOOK_AGAIN_S, RegionRenderer
@@ -166,9 +167,14 @@ class Renderer:
         if assignment.number <= (self._followed if self._assigned is None else self._assigned[0]):
             return
         try:
-            self._assigned = assignment.number, self._plan.layout.assigned(assignment.cuts).regions_of(self._rank)
+            self._assigned = assignment.number, self._assigned_to(assignment.cuts)
         except RemoteProtocolError:
             self._bad_messages += 1
+
+    def _assigned_to(self, cuts: Sequence[int]) -> tuple[Region, ...]:
+        """What cuts give to this rank; one that has joined may be beyond them."""
+        layout = self._plan.layout
+        return grown(layout.assigned(cuts), layout.extra).regions_of(self._rank)
 
     def _reassign(self, now: float) -> Iterator[Instruction]:
         """Take up the newest assignment once no worker traces; regions that stay the same go on as they are."""
@@ -245,7 +251,8 @@ class Renderer:
         samples_per_s, bytes_per_s, compared_per_s, refreshes_per_s = self._rates.at(
             now, done.samples, self._sent.bytes, done.compared, made
         )
-        number, image = summed_number(region.event for region in self.regions), self.image
+        events = [region.event for region in self.regions] or self._events.values()
+        number, image = summed_number(events), self.image
         if image is not None and image.barrier:
             number = image.number
         shown = self.image.composition if self.image is not None else None

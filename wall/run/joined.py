@@ -16,7 +16,7 @@ from wall.core.errors import ConfigError
 from wall.packets.joining import JoinAnswer
 from wall.roles.instructions import Invitation
 from wall.roles.joining import grown
-from wall.roles.plan import Layout, Plan, make_layout, reconstructed_at_renderers
+from wall.roles.plan import Layout, Plan, make_layout
 from wall.run.same_files import differences, fingerprints
 from wall.transport.curve import KeyPair, Keys
 from wall.transport.shared_memory import machine_id
@@ -50,6 +50,7 @@ class Inviter:
             "host": socket.gethostname(),
             "machine": machine_id(),
             "machines": self._machines,
+            "at_renderers": [[k.index, k.compositor] for k in plan.layout.graph.layers if k.at_renderer],
             "keys": self._keys,
             "headless": self._headless,
         }
@@ -72,7 +73,8 @@ class Told:
         hosts, who = [values["host"], socket.gethostname()], ("rank 0", "this process")
         if found := differences([values["prints"], fingerprints(layout)], hosts, who):
             raise ConfigError("\n".join(found))
-        return reconstructed_at_renderers(layout, self.machines)
+        at_renderers = dict(values["at_renderers"])  # whatever GPU there is here
+        return replace(layout, graph=layout.graph.reconstructed_at(at_renderers))
 
     def bootstrap(self, answer: JoinAnswer, plan: Plan, own: KeyPair | None, endpoint: str) -> JoinedBootstrap:
         """How this process begins as the rank that it has got; `endpoint`: of the manager."""

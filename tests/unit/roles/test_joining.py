@@ -120,12 +120,12 @@ def test_with_balance_one_more_gets_rows_at_once_and_gives_them_back_when_it_lea
     given = answer(run, ask())
     assert (given.rank, given.extra) == (3, 1)
     told = assignments(run.tell(*run.beats(HEAD, 1, 2), after=3.0))
-    assert [each.cuts for each in told] == [[0, 24, 48, 48]], "no rows before it is there"
+    assert [each.cuts for each in told] == [[0, 24, 48]], "no rows before it is there"
     [dealt] = assignments(run.tell(joins(run, 3), *run.beats(HEAD, 1, 2, 3)))
     assert dealt.cuts == [0, 16, 32, 48]
     assert run.manager.lost == {}
     said = run.tell(Leave(rank=3))
-    assert [each.cuts for each in assignments(said)] == [[0, 24, 48, 48]]
+    assert [each.cuts for each in assignments(said)] == [[0, 24, 48]]
     assert run.manager.lost[3].startswith("left")
     run.tell(*run.beats(HEAD, 1, 2), after=LATE_S)
     assert run.manager.register.missed == {}, "the wall is whole without it"
@@ -141,6 +141,9 @@ def test_a_renderer_that_joins_begins_without_rows_and_one_that_is_told_to_end_s
     plan = replace(plan, layout=grown(plan.layout, 1))
     role = Renderer(plan, Hello(rank=3, host="", endpoint="", incarnation=0), ready=lambda _: True)
     list(role.on_message(first_event(plan, 0.0), 0.0))
+    list(role.on_message(Assignment(number=0, cuts=[0, 24, 48]), 0.0))
+    beat = role._heartbeat(0.0)
+    assert (beat.complete, beat.camera_event) == (True, 0), "the manager need not wait for it"
     list(role.on_message(Assignment(number=1, cuts=[0, 16, 32, 48]), 0.0))
     told = list(role.on_tick(0.0))
     assert [len(i.regions) for i in told if isinstance(i, Reassign)] == [1]
@@ -172,4 +175,4 @@ def test_what_a_reload_asks_for_is_the_configuration_s_renderers_alone() -> None
     manager.joining.extra = 2
     list(manager._adopt(replace(plan, number=1), 1.0))
     assert manager.balancer is not None
-    assert manager.balancer.assignment.cuts == [0, 24, 48, 48, 48]
+    assert manager.balancer.assignment.cuts == [0, 24, 48]
