@@ -45,6 +45,7 @@ class Inviter:
         loaded = plan.layout.loaded
         told = {
             "text": dump(loaded.config),
+            "name": loaded.name,
             "path": str(Path(loaded.path).absolute()),
             "prints": fingerprints(plan.layout),
             "host": socket.gethostname(),
@@ -68,8 +69,8 @@ class Told:
 
     def layout(self) -> Layout:
         """The run's layout, of this host's files. Raises ConfigError where they are others than the head's."""
-        values, path = self._values, self._values["path"]
-        layout = make_layout(loads(values["text"], name=path, path=Path(path)))
+        values = self._values
+        layout = make_layout(loads(values["text"], name=values["name"], path=Path(values["path"])))
         hosts, who = [values["host"], socket.gethostname()], ("rank 0", "this process")
         if found := differences([values["prints"], fingerprints(layout)], hosts, who):
             raise ConfigError("\n".join(found))
