@@ -86,8 +86,8 @@ class Layout:
         return self.graph.layers[region.layer]
 
     def regions_of(self, rank: int) -> tuple[Region, ...]:
-        """Returns the regions that a renderer rank samples, one of each layer that it renders."""
-        return self.regions[rank - self.graph.compositors]
+        """Returns the regions that a renderer samples, one of each layer that it renders; none of one beyond cuts."""
+        return next(iter(self.regions[rank - self.graph.compositors :]), ())
 
     def area_of(self, rank: int) -> int:
         """Returns the pixels that a renderer rank samples, in all of its regions."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from wall.core.data import Event, Region
 from wall.core.errors import RemoteProtocolError
@@ -33,7 +33,6 @@ from wall.roles.instructions import (
     Work,
     total,
 )
-from wall.roles.joining import grown
 from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
 from wall.roles.region_renderer import LOOK_AGAIN_S, RegionRenderer
@@ -167,14 +166,9 @@ class Renderer:
         if assignment.number <= (self._followed if self._assigned is None else self._assigned[0]):
             return
         try:
-            self._assigned = assignment.number, self._assigned_to(assignment.cuts)
+            self._assigned = assignment.number, self._plan.layout.assigned(assignment.cuts).regions_of(self._rank)
         except RemoteProtocolError:
             self._bad_messages += 1
-
-    def _assigned_to(self, cuts: Sequence[int]) -> tuple[Region, ...]:
-        """What cuts give to this rank; one that has joined may be beyond them."""
-        layout = self._plan.layout
-        return grown(layout.assigned(cuts), layout.extra).regions_of(self._rank)
 
     def _reassign(self, now: float) -> Iterator[Instruction]:
         """Take up the newest assignment once no worker traces; regions that stay the same go on as they are."""

@@ -10,10 +10,10 @@ from manager_run import TEXT, Run, hello, plan_of
 
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
-from wall.packets.control import Assignment, Hello
+from wall.packets.control import Assignment, Hello, Membership
 from wall.packets.joining import JoinAnswer, JoinRequest, Leave
 from wall.roles.compositor import Compositor
-from wall.roles.instructions import Admit, Died, End, Finish, Invitation, Reassign, Send, Trace
+from wall.roles.instructions import Admit, Died, End, Finish, Invitation, Reassign, Send, Tell, Trace
 from wall.roles.joining import HELLO_S, grown
 from wall.roles.manager import Manager
 from wall.roles.plan import HEAD, Plan, first_event, make_layout
@@ -163,6 +163,13 @@ def test_compositors_know_renderers_that_cuts_name() -> None:
     list(head.on_message(Assignment(number=1, cuts=[0, 16, 32, 48]), 0.0))
     assert head._plan.layout.describe(3) == "r0c0 32x16+0+32"
     assert head._plan.layout.size == 4
+    list(head.on_message(first_event(plan, 0.0), 0.0))
+    members = tuple(hello(rank) for rank in range(4))
+    list(head.on_message(Membership(members=members), 0.1))
+    list(head.on_message(Assignment(number=2, cuts=[0, 24, 48]), 0.2))
+    told = [i.status for i in head.on_message(Membership(members=members[:3]), 0.3) if isinstance(i, Tell)]
+    assert [len(status.ranks) for status in told] == [3], "the table has no row of one that left"
+    assert told[0].stale == (), "nor is a part of the wall marked for it"
 
 
 def test_what_a_reload_asks_for_is_the_configuration_s_renderers_alone() -> None:
