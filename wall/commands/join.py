@@ -42,12 +42,7 @@ def join(control: control_file.Control, say: Say) -> str:
 
     signals = EndSignals(leave)
     with Client(control) as client:
-        (
-            told,
-            answer,
-            plan,
-            scene,
-        ) = _place(client, "" if own is None else own.public, say, signals)
+        told, answer, plan, scene = _place(client, "" if own is None else own.public, say, signals)
     plan = as_given(plan, answer)
     part = plan.layout.describe(answer.rank) or "what the others leave to it"
     say(f"rank {answer.rank} of the wall of process {control.pid} on {control.host}: {part}")

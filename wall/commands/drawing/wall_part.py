@@ -185,7 +185,8 @@ class _WallDrawing:
 
     def _arc(self, outline: Float64, on_page: Callable[[Float64], Float64]) -> None:
         """Draw a curved screen from above: its lower edge, and its area where that is not below the upper one."""
-        edge, sides = outline[: len(outline) // 4 + 1], len(outline) // 4
+        sides = len(outline) // 4
+        edge = outline[: sides + 1]
         upper = outline[3 * sides : 2 * sides - 1 : -1]
         if float(np.linalg.norm(edge[: len(upper)] - upper, axis=1).max()) > 0.02 * float(np.ptp(edge, axis=0).max()):
             self._page.stroke(on_page(outline), closed=True, fill=BEZEL, line=None, alpha=0.15, level=-1)
