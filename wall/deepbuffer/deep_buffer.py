@@ -167,6 +167,11 @@ class DeepBuffer:
         """Clear what pixels of `changed` objects (n + 1,) accumulated, shorten it where it was contradicted."""
         kernels_accumulation.reject_accumulation(self.history, changed, tiles)
 
+    def keep(self, share: float) -> None:
+        """Keep that share of the samples a pixel that it was made for, from the next refresh on."""
+        height, width = self.history.nearest.shape[:2]
+        self._kept = int(share * self._samples_per_pixel * width * height)
+
     def evict(self, now: np.float32) -> None:
         """Reject the oldest samples, so that no more than the wanted number stay."""
         if self.count > self._kept:

@@ -12,6 +12,7 @@ from wall.roles.edges import NEVER, summed_number
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan
+from wall.roles.sample_budget import SampleBudget
 from wall.roles.updates import UpdatesShown
 from wall.roles.view import FollowedView
 
@@ -26,6 +27,7 @@ class OwnImage:
         self._layer: PanelCompositor = composition.layers[region.layer]
         self.view = FollowedView(plan, region.view)
         self.weight = plan.layout.config.views[region.view].weight
+        self._budget = SampleBudget()
         self.expected: Event | None = None  # what the last refresh shows
         self.refreshing_s = 0.0  # seconds spent on refreshes so far
         self.rests = False  # the last refresh was of the newest event, and changed nothing
@@ -64,6 +66,7 @@ class OwnImage:
             return False
         began = self._clock.now()
         self.expected = expected = view.begin_refresh(now)
+        self._layer.reprojected.keep(self._budget.after(view.lateness))
         changed = self._composition.refresh(expected, now)
         self.rests = not changed and expected.number == view.event.number
         took = self._clock.now() - began

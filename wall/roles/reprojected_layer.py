@@ -108,6 +108,11 @@ class ReprojectedLayer:
             self.reconstruction.describe_surfaces()
         return self.reconstruction
 
+    def keep(self, share: float) -> None:
+        """Keep that share of the samples that are kept where refreshes are made in time; a GPU keeps all."""
+        if isinstance(self.reconstruction, Reconstruction):
+            self.reconstruction.buffer.keep(share)
+
     def _give_up(self, error: GpuError) -> None:
         self._counters["gpu_lost"] += 1
         if self._wish == "gpu":

@@ -63,6 +63,11 @@ class FollowedView:
         self._began, self._hastened = now, False
         return self._predictor.at(now, self._making + 0.5 * max(self._interval, self.period))
 
+    @property
+    def lateness(self) -> float:
+        """By what share of the period refreshes were further apart lately, on average: 0 where the rate holds."""
+        return max(0.0, self._interval / self.period - 1.0)
+
     def made(self, seconds: float) -> None:
         """An image that others show was ready so long after its refresh had begun; the display's delay starts then."""
         self._making += NEWEST_SHARE * (seconds + ON_ITS_WAY_S - self._making)

@@ -27,6 +27,7 @@ from wall.roles.plan import (
     why_not_at_renderer,
 )
 from wall.roles.renderer_image import RendererImage
+from wall.roles.sample_budget import LEAST_SHARE
 from wall.run.single_process import SingleProcess
 from wall.run.tracers import Tracers
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -241,3 +242,35 @@ def test_image_is_complete_when_nothing_is_missing_and_all_is_sent(
     assert one.image.complete, "the manager only repeats the newest event"
     one.image.follow(replace(one.event, camera_event=1))
     assert not one.image.complete
+
+
+def test_refreshes_that_come_late_are_made_of_fewer_samples_and_of_all_once_they_are_in_time(
+    tracer_scene: TracerScene, compiled_only: None
+) -> None:
+    one = OneRenderer(tracer_scene)
+    kept, period = 2.0 * one.image.reconstruction.rect.area, one.image.view.period  # two a pixel, as configured
+
+    batch = one.trace()  # its samples have the same age: all are kept or none
+
+    assert kept <= stored_after(one, 100, period) < kept + batch
+    assert LEAST_SHARE * kept <= stored_after(one, 100, 1.5 * period) < LEAST_SHARE * kept + batch
+    assert kept <= stored_after(one, 200, period) < kept + batch
+
+
+def stored_after(one: OneRenderer, refreshes: int, seconds: float) -> int:
+    """Samples of the image after so many refreshes, so far apart, with a batch before each."""
+    for _ in range(refreshes):
+        one.trace()
+        move(one, seconds)
+    return int((one.image.reconstruction.stored().confidence[: one.image.reconstruction.count] > 0.0).sum())
+
+
+def move(one: OneRenderer, seconds: float) -> None:
+    """Refresh so much later, under another event."""
+    one.clock.advance(seconds)
+    event = one.event
+    x, y, z = event.camera.position
+    camera = replace(event.camera, position=(x + 1e-4, y, z))
+    one.event = replace(event, camera_event=event.camera_event + 1, camera=camera)
+    one.image.follow(one.event)
+    list(one.images.on_tick(one.clock.now()))
