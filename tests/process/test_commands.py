@@ -29,12 +29,11 @@ AS_PROCESSES = {"demo", "two_compositors", "mixed_sinks"}
 
 @pytest.mark.parametrize("config", [path for path in SHIPPED if path.stem in AS_PROCESSES], ids=lambda path: path.stem)
 def test_shipped_configurations_run_as_processes(tmp_path: Path, config: Path) -> None:
-    for seconds in SECONDS:
+    def run(seconds: float) -> None:
         done = wall("run", config, "--headless", "--seconds", seconds, "--out", tmp_path)
         assert done.returncode == 0, done.stdout + done.stderr
-        if shows_something(tmp_path):
-            break
-    check_results(tmp_path)
+
+    check_results(tmp_path, run)
 
 
 @pytest.mark.parametrize("config", [path for path in SHIPPED if path.stem not in AS_PROCESSES], ids=lambda p: p.stem)
@@ -43,17 +42,21 @@ def test_shipped_configurations_run_as_threads(tmp_path: Path, config: Path) -> 
     threads = loaded.config.transport.model_copy(update={"kind": "loopback"})
     loaded = loaded.with_config(loaded.config.model_copy(update={"transport": threads}))
 
-    for seconds in SECONDS:
+    def run(seconds: float) -> None:
         options = launch.Options(out=tmp_path, headless=True, seconds=seconds)
         outcome = launch.run(loaded, options, say=print, opened=print)
         assert outcome is not None
         assert outcome.failed == ""
-        if shows_something(tmp_path):
+
+    check_results(tmp_path, run)
+
+
+def check_results(folder: Path, run: Callable[[float], None]) -> None:
+    """Run for so long until something is shown; nothing may be lost."""
+    for seconds in SECONDS:
+        run(seconds)
+        if shows_something(folder):
             break
-    check_results(tmp_path)
-
-
-def check_results(folder: Path) -> None:
     assert summary(folder)["lost"] == {}
     assert shows_something(folder)
 

@@ -24,17 +24,7 @@ from wall.config.displays import (
     is_number,
 )
 from wall.config.surfaces import SurfaceConfig
-from wall.core.fields import (
-    NAME_PATTERN,
-    Model,
-    Name,
-    Number,
-    Point,
-    RefreshRate,
-    Text,
-    Whole,
-    refusal,
-)
+from wall.core.fields import NAME_PATTERN, Model, Name, Number, Point, RefreshRate, Text, Whole, refusal
 
 MAX_PANELS = 1024
 SQUARENESS = 0.01  # cosine of the corner angle: half a degree off is a typing error, not a panel

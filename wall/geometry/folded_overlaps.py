@@ -77,12 +77,12 @@ def _on_one_surface(first: Panel, second: Panel) -> bool:
 def _share_of_curved(first: Panel, second: Panel, eye: Float64) -> float:
     """What part of the second panel's cells an eye sees behind or before the first."""
     inside = (np.arange(CELLS) + 0.5) / CELLS
-    (w, h), plane = second.pixels, second.plane
+    w, h = second.pixels
     if second.surface is not None:
         points = second.surface.points(w * inside, h * inside)[0].reshape(-1, 3)
     else:
         x, y = second.screen[0] + w * inside, (second.screen[1] + h * inside)[:, None]
-        points = (plane.origin + x[..., None] * plane.per_x + y[..., None] * plane.per_y).reshape(-1, 3)
+        points = second.plane.point(x[..., None], y[..., None]).reshape(-1, 3)
     edges = _around(first) if first.surface is None else first.surface.outline()
     polygon, at = (pixels_seen(first.plane, first.screen, eye, p) for p in (edges, points))
     return float(_inside(polygon, at).mean())

@@ -17,8 +17,8 @@ class Plane:
     per_x: Float64  # (3,) metres a pixel to the right
     per_y: Float64  # (3,) metres a pixel down
 
-    def point(self, x: float, y: float) -> Float64:
-        """(3,) float64, metres, wall frame, of virtual-screen pixel coordinates."""
+    def point(self, x: float | Float64, y: float | Float64) -> Float64:
+        """(3,) float64, metres, wall frame, of virtual-screen pixel coordinates; (..., 3) of arrays (..., 1)."""
         found: Float64 = self.origin + x * self.per_x + y * self.per_y
         return found
 

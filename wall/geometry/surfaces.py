@@ -106,10 +106,9 @@ def directions(config: SurfaceConfig) -> Directions:
         tilt = math.radians(config.tilt)
         up = np.array([0.0, math.cos(tilt), -math.sin(tilt)])
     else:
-        up = np.array(config.axis) / np.linalg.norm(config.axis)
+        up = _unit(np.array(config.axis))
     ahead = np.array([0.0, 0.0, -1.0]) if abs(up[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    ahead = ahead - (ahead @ up) * up
-    ahead = ahead / np.linalg.norm(ahead)
+    ahead = _unit(ahead - (ahead @ up) * up)
     right = np.cross(ahead, up)
     return Directions(-ahead if config.side == "outside" else ahead, right, up)
 

@@ -65,8 +65,8 @@ class FollowedView:
 
     @property
     def lateness(self) -> float:
-        """By what share of the period refreshes were further apart lately, on average: 0 where the rate holds."""
-        return max(0.0, self._interval / self.period - 1.0)
+        """By what share of the period refreshes were further apart lately, on average."""
+        return self._interval / self.period - 1.0
 
     def made(self, seconds: float) -> None:
         """An image that others show was ready so long after its refresh had begun; the display's delay starts then."""

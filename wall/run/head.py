@@ -223,9 +223,7 @@ class HeadProcess:
     def _close_journal(self, journal: Journal, say: Say) -> None:
         """Write the last line of a run's log: how it ended."""
         ended = (self._manager.ended if self._manager is not None else "") or self._told or "interrupted"
-        missed = self._manager.register.missed if self._manager else {}
-        lost = [f"rank {rank} {how}" for rank, how in sorted(missed.items())]
-        failed = "; ".join([*lost, *self.failures])
+        failed = self._failed
         level: Level = "error" if failed else "info"
         journal.take(note_of(HEAD, level, f"ended: {ended}" + (f"; {failed}" if failed else "")))
         journal.close()
@@ -290,10 +288,14 @@ class HeadProcess:
 
     def outcome(self) -> Outcome:
         """The outcome of a run that began."""
-        assert self._manager is not None
         assert self.summary is not None
-        lost = [f"rank {rank} {how}" for rank, how in sorted(self._manager.register.missed.items())]
-        return Outcome(summary=self.summary, failed="; ".join([*lost, *self.failures]))
+        return Outcome(summary=self.summary, failed=self._failed)
+
+    @property
+    def _failed(self) -> str:
+        """What went wrong so far: ranks that are missed, and failures here; "" if nothing did."""
+        missed = self._manager.register.missed if self._manager is not None else {}
+        return "; ".join([*(f"rank {rank} {how}" for rank, how in sorted(missed.items())), *self.failures])
 
 
 def lead(plan: Plan, bootstrap: Bootstrap, preparer: Preparer, options: Options, say: Say, opened: Say) -> Outcome:
