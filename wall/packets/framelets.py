@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import lz4.block
 import numpy as np
@@ -74,6 +74,14 @@ class FrameletPart:
                 f"framelet part {self.rect} with {', '.join(sorted(self.channels))}; wanted: inside {out.rect}, "
                 f"with {', '.join(sorted(out.channels))}"
             )
+
+    def unpacked(self) -> FrameletPart:
+        """The same with plain data, which always fit. Raises RemoteProtocolError where they are not its pixels."""
+        if self.plain:
+            return self
+        pixels = Framelet.blank(self.rect, self.channels, encoded=self.encoded)
+        self.write(pixels)
+        return replace(self, data=FrameletPart.of(self.step, pixels, self.rect, plain=True).data, plain=True)
 
     def write(self, out: Framelet) -> None:
         """Write the pixels to `out`. Raises RemoteProtocolError where they do not fit it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -121,8 +122,11 @@ class Composition:
         """The views of which there are layers here."""
         return tuple(sorted({layer.layer.view for layer in self.layers.values()}))
 
-    def insert(self, packet: bytes) -> None:
-        """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
+    def insert(self, packet: bytes, now: float = -math.inf) -> None:
+        """Take one packet in that came at `now`.
+
+        Raises RemoteProtocolError for one that no rank of this run can have sent.
+        """
         if is_samples(packet):
             self.insert_batch(decode(packet))
             return
@@ -132,7 +136,7 @@ class Composition:
         elif isinstance(message, FrameletPart):
             before = message.event is not None and message.event.camera_event < self._plan.since
             if not before and (nodes := self._nodes_of(message)) is not None:
-                nodes.insert(message)
+                nodes.insert(message, now)
         else:
             raise RemoteProtocolError("neither samples, a framelet nor another compositor's statistics image")
 
@@ -218,8 +222,15 @@ class Composition:
             seconds = [
                 (layer, layer.compared.refresh(now, event.exposure)) for layer in layers if layer.compared is not None
             ]
+            self._compared.show(now, force=force)
             self._compared.step(self._regions_of(seconds), event)
+        self._nodes.show(now, force=force)
         return self._nodes.step(fresh, event)
+
+    @property
+    def due(self) -> float:
+        """When an image of another rank that came is shown next, seconds of the head's clock; inf where none waits."""
+        return self._nodes.due
 
     def take_edited(self, view: int) -> bool:
         """Whether an edit came since this was asked last that the next refresh of a view shows."""
@@ -330,7 +341,9 @@ class _Nodes:
     ) -> None:
         """`sources`: framelets that this rank makes of samples and skies, by step."""
         graph, layout = plan.layout.graph, plan.layout
-        self.remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, rank)}
+        shows_only = not graph.layers_on(rank) and graph.sync == "none"  # images that others made, evenly
+        period_s = 1.0 / max(view.refresh_hz for view in plan.views) if shows_only else 0.0
+        self.remote = {step.index: RemoteFramelet(step, period_s) for step in needed_from_others(graph, rank)}
         sources = sources | {step: remote.framelet for step, remote in self.remote.items()}
         reproject = Timewarp(plan) if lockstep is None else None
         self.executor = Executor(graph, rank, sources, layout.loaded.folder, reproject)
@@ -346,10 +359,18 @@ class _Nodes:
         for shown, earlier in zip(self.shown, before.shown, strict=True):
             shown.begin_with(earlier)
 
-    def insert(self, part: FrameletPart) -> None:
+    def insert(self, part: FrameletPart, now: float) -> None:
         if part.step not in self.remote:
             raise RemoteProtocolError(f"a framelet of step {part.step}, which is not needed here")
-        self.remote[part.step].insert(part)
+        self.remote[part.step].insert(part, now)
+
+    def show(self, now: float, *, force: bool = False) -> None:
+        for remote in self.remote.values():
+            remote.show(now, force=force)
+
+    @property
+    def due(self) -> float:
+        return min((remote.due for remote in self.remote.values()), default=math.inf)
 
     def step(self, fresh: Changes, event: Event) -> Changes:
         arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}

@@ -46,7 +46,7 @@ from wall.roles.view import FollowedView
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
 RATE_SPAN_S = 1.0  # refreshes a second are an average over at least so long
 SHOWN_NOTES = 4  # on the page, the newest
-BETWEEN_ARRIVALS_S = 0.004  # images of others are shown as they come, but no more often than this
+BETWEEN_ARRIVALS_S = 0.004  # images of others are shown as they are due, but no more often than this
 LAST_S = 2.0  # at the end packets that are on their way are taken in for so long at most
 
 
@@ -93,7 +93,7 @@ class Compositor:
         self._came = False  # packets, since the last tick
         self._others = {step.index for step in needed_from_others(graph, hello.rank)}
         self._shows_only = not graph.layers_on(hello.rank) and graph.sync == "none"  # images that others made
-        self._news, self._shown_at = False, -math.inf  # images to show at once; when a refresh was last
+        self._shown_at = -math.inf  # when a refresh was last
         self._complete = False  # what the manager was told
         self._began: float | None = None
         files = (step.node for step in graph.sinks_on(hello.rank) if isinstance(step.node, SinkNode))
@@ -105,7 +105,7 @@ class Compositor:
         if isinstance(message, Packet):
             self._came = True
             try:
-                self.composition.insert(message.data)
+                self.composition.insert(message.data, now)
             except RemoteProtocolError:
                 self.composition.counters["bad_packet"] += 1
         elif isinstance(message, Dropped):
@@ -181,30 +181,32 @@ class Compositor:
         if self._stop_at is not None and (not came or now >= self._stop_at):
             yield from self._finish(now)
             return
-        self._news = self._news or (came and self._shows_only)
         for view in self._views:
             if self.composition.take_edited(view.index):
                 view.hasten()
             if view.event is not None and now >= view.due:
                 yield from self._refresh(view, view.event, view.begin_refresh(now), now)
-            elif view.event is not None and self._news and now >= self._shown_at + BETWEEN_ARRIVALS_S:
+            elif view.event is not None and now >= self._arrivals_due:
                 yield from self._refresh(view, view.event, view.event, now)
         yield from self._sent.counted(self.composition.send())
         complete = self._is_complete()
         if complete != self._complete or self.standing.beat_due(now):
             self._complete = complete
             yield from self._beat(now)
-        self.due = min(view.due for view in self._views)
-        if self._news:
-            self.due = min(self.due, self._shown_at + BETWEEN_ARRIVALS_S)
+        self.due = min(self._arrivals_due, *(view.due for view in self._views))
         if self._stop_at is not None:
             self.due = now
+
+    @property
+    def _arrivals_due(self) -> float:
+        """When images of others that came are shown, whatever else is due."""
+        return max(self.composition.due, self._shown_at + BETWEEN_ARRIVALS_S)
 
     def _refresh(
         self, view: FollowedView, event: Event, expected: Event, now: float, *, force: bool = False
     ) -> Iterator[Instruction]:
         """Show the samples as `expected` when this refresh is seen; all else is as of `event`."""
-        composition, self._news, self._shown_at = self.composition, False, now
+        composition, self._shown_at = self.composition, now
         changes = composition.refresh(expected, now, force=force)
         self._shown[view.index] = expected
         changed = bool(changes)
@@ -290,7 +292,7 @@ class Compositor:
             shown = (self.composition.newest_event(v.index) == v.event.number for v in known if v.event is not None)
             return all(view.quiet for view in known) and any(shown)  # a view in which nothing changed says nothing
         waits = any(view.ahead or self.composition.behind(view.index) for view in self._views)
-        return not waits and self.composition.idle
+        return not waits and self.composition.idle and self.composition.due == math.inf
 
     def _number(self) -> Number:
         """See summed_number."""

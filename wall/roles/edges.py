@@ -5,6 +5,7 @@ Inside a process an edge is a shared framelet, and nothing here is needed.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -16,6 +17,7 @@ from wall.packets.control import HEADER_BYTES, serialise
 from wall.packets.framelets import HEAD, MAX_RAW, FrameletPart, bands, bytes_a_pixel
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 
+APART, HELD = 0.96, 0.3  # of the period: images are shown so far apart, if that holds none back for longer than HELD
 Number = tuple[int, int]  # of an event: camera, scene
 NEVER: Number = (-1, -1)
 NOWHERE = Event(view=0, camera_event=-1, scene_event=-1, scene_time=0.0, input_time=0.0, camera=STILL)
@@ -28,10 +30,19 @@ def summed_number(events: Iterable[Event | None]) -> Number:
 
 
 class RemoteFramelet:
-    """What a node of another process has made, as far as it came."""
+    """What a node of another process has made, as far as it came.
 
-    def __init__(self, step: Step) -> None:
+    Images that come unevenly are shown more evenly, by a playout buffer: one that is early waits, see APART. What comes
+    after a pause is not early.
+    """
+
+    def __init__(self, step: Step, period_s: float = 0.0) -> None:
+        """`period_s`: between images, seconds; 0: each is there as soon as it came."""
         self.step, self._newest = step, dict[int, Number]()  # by view
+        self._period_s, self._shown_at = period_s, -math.inf
+        self.due = math.inf  # when what waits is shown, seconds of the head's clock; never where nothing does
+        self._early: list[FrameletPart] = []  # what waits for it
+        self._early_newest = dict[int, Number]()  # by view: of what waits, all of whose parts came
         self.framelet = Framelet.blank(step.rect, step.channels, encoded=step.encoded, order=step.order)
         self._changed: Regions = []
         self._waiting: dict[int, FrameletPart] = {}  # of what belongs together, until all is there
@@ -42,31 +53,49 @@ class RemoteFramelet:
             for name in shown.channels & self.framelet.channels:
                 self.framelet.channel(name)[...] = shown.channel(name)
 
-    def insert(self, part: FrameletPart) -> None:
-        """Show a part when all that belong to it are there. Raises RemoteProtocolError where it is not of this node."""
+    def insert(self, part: FrameletPart, now: float = -math.inf) -> None:
+        """Show a part that came at `now` when all that belong to it are there.
+
+        Raises RemoteProtocolError where it is not of this node.
+        """
         part.check(self.framelet)
+        if self._period_s:
+            part = part.unpacked()
         first = next(iter(self._waiting.values()), part)
         if part.index in self._waiting or (first.refreshed_at, first.count) != (part.refreshed_at, part.count):
-            self._show()  # one of them gave way, and its pixels come later
+            self._admit(now)  # one of them gave way, and its pixels come later
         self._waiting[part.index] = part
         if len(self._waiting) == part.count:
-            self._show()
             if part.event is not None:
                 view = part.event.view
-                self._newest[view] = max(self.newest_event(view), part.event.number)
+                self._early_newest[view] = max(self._early_newest.get(view, NEVER), part.event.number)
+            self._admit(now)
+
+    def _admit(self, now: float) -> None:
+        """What came is shown when it is due, with what waits for that already."""
+        self._early += self._waiting.values()
+        self._waiting = {}
+        if self.due == math.inf:
+            self.due = max(now, min(self._shown_at + APART * self._period_s, now + HELD * self._period_s))
+        if not self._period_s:
+            self.show(now)
 
     def newest_event(self, view: int = 0) -> Number:
         """The newest event of a view that has a sample in it."""
         return self._newest.get(view, NEVER)
 
-    def _show(self) -> None:
-        parts, self._waiting = list(self._waiting.values()), {}
+    def show(self, now: float, *, force: bool = False) -> None:
+        """Show what waits if it is due, or `force`."""
+        if not self._early or (now < self.due and not force):
+            return
         out = self.framelet
-        for part in parts:
+        for part in self._early:
             part.write(out)
             out.stamp(part.refreshed_at, except_for=part.rect)
             out.event = part.event
             self._changed.append(part.rect)
+        self._newest |= self._early_newest
+        self._early, self.due, self._shown_at = [], math.inf, now
 
     @property
     def changed(self) -> bool:

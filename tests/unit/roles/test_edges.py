@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from wall.core.data import ORIGIN_STEP_S, Camera, Event, Framelet, Rect
 from wall.core.errors import RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
-from wall.roles.edges import NEVER, Outlets, RemoteFramelet, needed_from_others, targets_of
+from wall.roles.edges import HELD, NEVER, Outlets, RemoteFramelet, needed_from_others, targets_of
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 EVENT = Event(
@@ -252,3 +253,51 @@ def test_parts_of_another_shape_are_refused(graph: Graph) -> None:
         wire.remote.insert(replace(good, rect=rect(0, 0, 8, 6)))
     assert wire.remote.newest_event() == NEVER
     assert wire.remote.take_changes() == []
+
+
+def shown_at(arrivals: list[float], *, period_s: float, graph: Graph) -> list[float]:
+    """When images that come at `arrivals` are shown, by a loop that looks whenever one comes or is due."""
+    remote = RemoteFramelet(graph.step("p1"), period_s)
+    sender = random_framelet(
+        np.random.default_rng(6), remote.step.rect, channels=remote.step.channels, encoded=remote.step.encoded
+    )
+    sender.event = EVENT
+    found, waiting = list[float](), sorted(arrivals)
+    while waiting or remote.due < math.inf:
+        now = min(remote.due, *waiting[:1], math.inf)
+        if waiting and waiting[0] == now:
+            waiting.pop(0)
+            remote.insert(FrameletPart.of(remote.step.index, sender, sender.rect), now)
+        remote.show(now)
+        if remote.take_changes():
+            found.append(now)
+    assert remote.newest_event() == EVENT.number
+    assert_equal(remote.framelet, sender)
+    return found
+
+
+def test_images_that_come_unevenly_are_shown_evenly(graph: Graph) -> None:
+    came = [k / 30 + 0.004 * (k % 2) for k in range(20)]
+    shown = shown_at(came, period_s=1 / 30, graph=graph)
+    assert np.ptp(np.diff(came)) == pytest.approx(0.008)
+    assert len(shown) == len(came)
+    assert np.ptp(np.diff(shown)[1:]) < 0.003
+    assert all(0.0 <= late <= HELD / 30 for late in np.subtract(shown, came))
+
+
+def test_no_image_waits_for_long_and_none_after_a_pause_or_without_a_period(graph: Graph) -> None:
+    assert shown_at([1.0, 1.001, 2.0], period_s=0.1, graph=graph) == pytest.approx([1.0, 1.001 + HELD * 0.1, 2.0])
+    assert shown_at([1.0, 1.001, 2.0], period_s=0.0, graph=graph) == [1.0, 1.001, 2.0]
+
+
+def test_images_that_come_while_one_waits_are_shown_with_it(graph: Graph) -> None:
+    assert shown_at([1.0, 1.01, 1.02], period_s=0.1, graph=graph) == pytest.approx([1.0, 1.01 + HELD * 0.1])
+
+
+def test_an_image_that_does_not_decompress_is_refused_when_it_comes_not_when_it_is_due(graph: Graph) -> None:
+    remote = RemoteFramelet(graph.step("p1"), 0.1)
+    part = FrameletPart.of(remote.step.index, Wire(graph).framelet, remote.step.rect)
+    with pytest.raises(RemoteProtocolError, match="decompress"):
+        remote.insert(replace(part, data=b"x" * len(part.data)), 1.0)
+    remote.show(2.0)
+    assert remote.take_changes() == []

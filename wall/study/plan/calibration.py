@@ -7,6 +7,7 @@ so what else the machine does counts little.
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import time
@@ -100,8 +101,8 @@ class _TimedComposition:
         self.images: list[Bytes] = []
         self._inserts, self._refreshes = list[float](), list[float]()  # CPU seconds
 
-    def insert(self, packet: bytes) -> None:
-        self._inserts.append(_timed(lambda: self._composition.insert(packet)))
+    def insert(self, packet: bytes, now: float = -math.inf) -> None:
+        self._inserts.append(_timed(lambda: self._composition.insert(packet, now)))
 
     def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
         if now < self._since:

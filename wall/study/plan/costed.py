@@ -7,6 +7,7 @@ roles decide by is there, and no pixel.
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -184,7 +185,12 @@ class CostedComposition:
     def follow(self, event: Event) -> None:
         """Nothing to begin."""
 
-    def insert(self, packet: bytes) -> None:
+    @property
+    def due(self) -> float:
+        """Images of others are shown as they come: that the real ones wait to be shown evenly is not simulated."""
+        return -math.inf if self._arrived and not self.layers else math.inf
+
+    def insert(self, packet: bytes, now: float) -> None:
         """Take a packet in."""
         assert isinstance(packet, SimulatedPacket)
         if packet.rank < 0:
