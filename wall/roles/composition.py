@@ -232,6 +232,11 @@ class Composition:
         """When an image of another rank that came is shown next, seconds of the head's clock; inf where none waits."""
         return self._nodes.due
 
+    def hasten(self, until: float) -> None:
+        """Show images of other ranks as they come, until a time, seconds of the head's clock: an edit is among them."""
+        for remote in self._nodes.remote.values():
+            remote.even_from = until
+
     def take_edited(self, view: int) -> bool:
         """Whether an edit came since this was asked last that the next refresh of a view shows."""
         edited = [layer for layer in self._of_view(view) if layer.edited]

@@ -41,7 +41,7 @@ from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
 from wall.roles.statistics import Due
 from wall.roles.status import AWAY_FROM_HEAD, Latency, Rates, statistics_of, status_of, totals_of
-from wall.roles.view import FollowedView
+from wall.roles.view import EARLY_APART_S, FollowedView
 
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
 RATE_SPAN_S = 1.0  # refreshes a second are an average over at least so long
@@ -124,7 +124,7 @@ class Compositor:
     def _hear(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in a message of the manager."""
         if isinstance(message, Event):
-            self._follow(message)
+            self._follow(message, now)
         elif isinstance(message, Membership):
             before = self.standing.members.keys()
             for connect in self.standing.take(message):
@@ -165,11 +165,14 @@ class Compositor:
             self._plan = replace(self._plan, layout=layout)
             self.composition.forget_tiles()
 
-    def _follow(self, event: Event) -> None:
+    def _follow(self, event: Event, now: float) -> None:
         for view in self._views:
-            news = view.event is None or event.number > view.event.number
+            before = view.event
+            news = before is None or event.number > before.number
             if view.take(event):
                 self.composition.follow(event)
+                if before is not None and event.edits.number != before.edits.number:
+                    self.composition.hasten(now + EARLY_APART_S)
                 if news and len(self._came_ranks) >= self._size:  # before, no rank could show it
                     self.latency.published(event)
 

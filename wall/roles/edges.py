@@ -40,6 +40,7 @@ class RemoteFramelet:
         """`period_s`: between images, seconds; 0: each is there as soon as it came."""
         self.step, self._newest = step, dict[int, Number]()  # by view
         self._period_s, self._shown_at = period_s, -math.inf
+        self.even_from = -math.inf  # before, seconds of the head's clock, nothing waits
         self.due = math.inf  # when what waits is shown, seconds of the head's clock; never where nothing does
         self._early: list[FrameletPart] = []  # what waits for it
         self._early_newest = dict[int, Number]()  # by view: of what waits, all of whose parts came
@@ -75,7 +76,9 @@ class RemoteFramelet:
         """What came is shown when it is due, with what waits for that already."""
         self._early += self._waiting.values()
         self._waiting = {}
-        if self.due == math.inf:
+        if now < self.even_from:
+            self.due = now
+        elif self.due == math.inf:
             self.due = max(now, min(self._shown_at + APART * self._period_s, now + HELD * self._period_s))
         if not self._period_s:
             self.show(now)

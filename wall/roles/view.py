@@ -14,9 +14,7 @@ from wall.roles.plan import Plan, make_predictor
 NEWEST_SHARE = 0.2  # of the newest time in a moving mean
 LONGEST_INTERVAL_S = 0.25  # longer ones are pauses
 EARLY_APART_S = 0.25  # between refreshes that are brought forward
-ON_ITS_WAY_S = (
-    0.0085  # an image that was made elsewhere, until the head shows it: 4 to 8 ms, then 3 to 4 for its turn
-)
+ON_ITS_WAY_S = 0.0085  # an image that was made elsewhere, until the head shows it: 4 to 8 ms, then 3 to 4 for its turn
 
 
 class FollowedView:

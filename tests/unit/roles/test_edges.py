@@ -290,6 +290,18 @@ def test_no_image_waits_for_long_and_none_after_a_pause_or_without_a_period(grap
     assert shown_at([1.0, 1.001, 2.0], period_s=0.0, graph=graph) == [1.0, 1.001, 2.0]
 
 
+def test_nothing_waits_soon_after_an_edit(graph: Graph) -> None:
+    remote, part = (
+        RemoteFramelet(graph.step("p1"), 0.1),
+        FrameletPart.of(1, Wire(graph).framelet, graph.step("p1").rect),
+    )
+    for now, due in ((1.0, 1.0), (1.01, 1.01), (1.02, 1.02), (1.03, 1.03 + HELD * 0.1)):
+        remote.even_from = 1.025
+        remote.insert(part, now)
+        assert remote.due == pytest.approx(due)
+        remote.show(due)
+
+
 def test_images_that_come_while_one_waits_are_shown_with_it(graph: Graph) -> None:
     assert shown_at([1.0, 1.01, 1.02], period_s=0.1, graph=graph) == pytest.approx([1.0, 1.01 + HELD * 0.1])
 

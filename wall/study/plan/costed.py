@@ -202,6 +202,9 @@ class CostedComposition:
         self._process.charge(self._rates.insert_s)
         self.layers[packet.layer].insert(packet)
 
+    def hasten(self, until: float) -> None:
+        """Nothing waits."""
+
     def take_edited(self, view: int) -> bool:
         """No edits are simulated."""
         return False
