@@ -307,14 +307,15 @@ def convert(
         str | None, typer.Option("--format", help="Name of the format; told by the file itself if left out")
     ] = None,
 ) -> None:
-    """Convert a wall of ParaView, Tide, DisplayCluster, SGCT, SAGE2 or Equalizer to a configuration.
+    """Convert a wall of ParaView, Tide, DisplayCluster, SGCT, SAGE2, Equalizer or MPCDI to a configuration.
 
     [bold]wall convert cave.pvx -o cave.yaml --report cave.json[/]
     """
     from wall.importers import command
 
-    chosen, conversion, yaml = command.convert_file(file, format_name)
+    chosen, conversion, yaml = command.convert_file(file, format_name, f"{output.stem}_files")
     command.write(output, yaml)
+    command.write_files(output.parent, conversion)
     if report is not None:
         command.write_report(report, conversion)
     left_out = command.table(conversion)

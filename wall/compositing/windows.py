@@ -1,7 +1,7 @@
 """Add the nodes that a panel's display needs between an image and its window.
 
-A window sink shows each panel by itself: its pixels cut out, then its surface, colour, blending and warp, as the wall
-says.
+A window sink shows each panel by itself: its pixels cut out, then its surface, colour, blending, warp and blend mask,
+as the wall says.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from wall.geometry.rects import panel_rect
 from wall.operators.arrange import Crop
 from wall.operators.base import Node
 from wall.operators.blend_edges import BlendEdges
+from wall.operators.blend_mask import BlendMask
 from wall.operators.colour import Colour
 from wall.operators.curve import Curve
 from wall.operators.warp import Warp
@@ -69,6 +70,8 @@ def _window(node: SinkNode, name: str, panel: Panel, given: Rect, taken: set[str
         chain.append(Warp(op="warp", file=panel.config.warp.file, **link("warp")))
     elif panel.config.warp is not None:
         chain.append(Warp(op="warp", mesh=panel.config.warp, **link("warp")))
+    if panel.config.blend_mask is not None:
+        chain.append(BlendMask(op="blend_mask", file=panel.config.blend_mask, **link("mask")))
     last = chain[-1].id if chain else node.input
     return [*chain, SinkNode(op="sink", id=name, kind="window", input=last, on=node.on)]
 

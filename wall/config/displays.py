@@ -81,7 +81,10 @@ Blend = Annotated[
 class WarpFileConfig(Model):
     """The same in a file of its own."""
 
-    file: Text = Field(description="YAML with columns, rows and points, beside this file")
+    file: Text = Field(
+        description="YAML with columns, rows and points, or .npy with a position in the image for each pixel; beside "
+        "this file"
+    )
 
 
 def _kind_of_warp(value: Any) -> str:

@@ -183,6 +183,9 @@ class PanelConfig(Model):
     colour: ColourConfig | None = Field(default=None, description="what the panel does to its image")
     blend: Blend = Field(default="none", description=BLEND)
     warp: Warp | None = Field(default=None, description="where the image goes on the display: nodes, or a file")
+    blend_mask: Text | None = Field(
+        default=None, description="PNG beside this file, as large as the display: its values, times those of the image"
+    )
     host: Text | None = Field(default=None, description="machine the panel hangs on; absent = any")
     display: Text | None = Field(default=None, description="X display such as ':0.1'; absent = the host's own")
     monitor: Monitor | None = Field(

@@ -108,7 +108,12 @@ def _unblended(loaded: Loaded, wall: Wall) -> Iterator[str]:
 
 
 def _fades(panel: Panel) -> bool:
-    return panel.blend is not None and max(panel.blend.across, panel.blend.down) > 0.0
+    ramps = panel.blend is not None and max(panel.blend.across, panel.blend.down) > 0.0
+    return ramps or panel.config.blend_mask is not None
+
+
+def _masked(panel: Panel) -> bool:
+    return panel.config.blend_mask is not None
 
 
 def _needless(loaded: Loaded, wall: Wall) -> Iterator[str]:
@@ -146,7 +151,8 @@ def _folded(loaded: Loaded, wall: Wall) -> Iterator[str]:
         if len(panels) < 2:
             continue
         eye, separation = standing_eye(loaded, wall.of_view(number), number), loaded.config.views[number].eye_separation
-        found = list(folded_overlaps(panels, np.array([eye_of(panel, eye, separation) for panel in panels])))
+        pairs = folded_overlaps(panels, np.array([eye_of(panel, eye, separation) for panel in panels]))
+        found = [pair for pair in pairs if not (_masked(pair.first) and _masked(pair.second))]
         if found:
             message = (
                 f"lights {100 * found[0].share:.2g} % of its area where the eye also sees panel {found[0].first.id}, "

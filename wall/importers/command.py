@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -10,28 +11,36 @@ from rich.table import Table
 
 from wall.config import yaml_text
 from wall.core.errors import ConfigError
+from wall.importers import mpcdi
 from wall.importers.dropped_values import checked_layout
 from wall.importers.formats import MOST_CHARACTERS, Format, detect, known, named
+from wall.importers.mpcdi_files import Files
 from wall.importers.report import Conversion, Item
 
 LINES_SHOWN = 8
 MOST_BYTES = 4 * MOST_CHARACTERS  # of UTF-8, for each character
 
 
-def convert_file(path: Path, format_name: str | None = None) -> tuple[Format, Conversion, str]:
+def convert_file(path: Path, format_name: str | None = None, folder: str = "") -> tuple[Format, Conversion, str]:
     """Convert a file: its format, the conversion with its report, and YAML text that passes the project's checks.
 
-    Raises ConfigError if the file cannot be read, has no known format, or describes no wall that is possible here.
+    `folder`: beside the YAML, for files that belong to it. Raises ConfigError if the file cannot be read, has no known
+    format, or describes no wall that is possible here.
     """
-    return convert_text(read(path), str(path), format_name)
+    if zipfile.is_zipfile(path):
+        files = Files(path)
+        return convert_text(files.description(), str(path), format_name or "mpcdi", files, folder)
+    return convert_text(read(path), str(path), format_name, Files(path), folder)
 
 
-def convert_text(text: str, name: str, format_name: str | None = None) -> tuple[Format, Conversion, str]:
-    """Convert text that errors call `name`; as `convert_file`."""
+def convert_text(
+    text: str, name: str, format_name: str | None = None, files: Files | None = None, folder: str = ""
+) -> tuple[Format, Conversion, str]:
+    """Convert text that errors call `name`; `files`: those that it may name. As `convert_file`."""
     if len(text) > MOST_CHARACTERS:
         raise ConfigError(f"{name}: {len(text)} characters are too many; accepted: at most {MOST_CHARACTERS}")
     chosen = named(format_name) if format_name else detect(text, name)
-    conversion = chosen.convert(text, name)
+    conversion = mpcdi.convert(text, name, files, folder) if chosen.name == "mpcdi" else chosen.convert(text, name)
     try:
         layout = checked_layout(conversion)
     except ConfigError as error:
@@ -121,6 +130,16 @@ def write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def write_files(folder: Path, conversion: Conversion) -> None:
+    """Write the files that belong to a conversion beside its YAML. Raises ConfigError if that cannot be done."""
+    for name, data in conversion.files.items():
+        try:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(data)
+        except OSError as error:
+            raise ConfigError(f"{folder / name}: cannot be written ({error.strerror or error})") from None
 
 
 def _without_indices(what: str) -> str:

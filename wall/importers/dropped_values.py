@@ -18,8 +18,8 @@ from wall.roles.plan import Layout, make_layout
 ROUNDS = 6  # the loader tells all values at once, then come checks of the wall, then of the graph
 NAME = "YAML"
 OPTIONAL = (
-    "bezel", "overlap", "rotation", "eye", "stereo", "colour", "blend", "warp", "host", "display", "monitor", "window",
-    "refresh_hz", "eye_separation", "scale", "range",
+    "bezel", "overlap", "rotation", "eye", "stereo", "colour", "blend", "blend_mask", "warp", "host", "display",
+    "monitor", "window", "refresh_hz", "eye_separation", "scale", "range",
 )  # fmt: skip
 
 _PROBLEM = re.compile(rf"{NAME}:\d+:\d+: ([\w.\[\]]+)(?:: | = )(.*)")

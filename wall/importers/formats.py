@@ -38,6 +38,9 @@ FORMATS = {
         Format(name="displaycluster", known_by="<configuration> in XML", module="wall.importers.displaycluster"),
         Format(name="sgct", known_by="nodes and masteraddress in JSON, <Cluster> in XML", module="wall.importers.sgct"),
         Format(name="sage2", known_by="resolution, layout and displays in JSON5", module="wall.importers.sage2"),
+        Format(
+            name="mpcdi", known_by="an archive with mpcdi.xml (.mpcdi), <MPCDI> in XML", module="wall.importers.mpcdi"
+        ),
         Format(name="equalizer", known_by="server { config { (.eqc)", module="wall.importers.equalizer"),
     )
 }
@@ -95,7 +98,7 @@ def _json(text: str, name: str) -> str:
 def _markup(text: str, name: str) -> str:
     """The format of an XML file by its first element, else a description of it."""
     root = xml_source.parse(text, name)
-    kind = {"pvx": "paraview", "configuration": "displaycluster", "Cluster": "sgct"}.get(root.key)
+    kind = {"pvx": "paraview", "configuration": "displaycluster", "Cluster": "sgct", "MPCDI": "mpcdi"}.get(root.key)
     return kind or f"XML with <{root.key[:LONGEST_QUOTE]}>"
 
 

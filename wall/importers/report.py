@@ -35,6 +35,7 @@ class Conversion:
     ranks: int  # processes that the source names or implies; what a run needs here is for `wall check` to say
     origins: list[Item] = field(default_factory=list)  # what each panel comes from
     assumed: list[str] = field(default_factory=list)  # what the source does not say, one sentence each
+    files: dict[str, bytes] = field(default_factory=dict)  # that belong to it, by their paths beside the YAML
 
     def as_json(self) -> dict[str, Any]:
         """The report: panels, ranks, carried, not_carried, each item with what, line and why."""

@@ -9,6 +9,7 @@ from wall.core.errors import ConfigError
 from wall.operators.arrange import Crop, Flip, Rotate, Tile
 from wall.operators.base import Operator
 from wall.operators.blend_edges import BlendEdges
+from wall.operators.blend_mask import BlendMask
 from wall.operators.colour import Colour, Encode
 from wall.operators.curve import Curve
 from wall.operators.denoise import Denoise
@@ -36,7 +37,7 @@ def name_of(operator: type[Operator]) -> str | None:
 
 
 BUILT_IN: tuple[type[Operator], ...] = (
-    AgeBlend, Average, BlendEdges, Colour, Constant, Crop, Curve, Denoise, Depth,
+    AgeBlend, Average, BlendEdges, BlendMask, Colour, Constant, Crop, Curve, Denoise, Depth,
     Encode, Flip, ImageSource, Legend, Mask, Newest, Over, Overlay, Rotate, Scale, Tile, Warp,
 )  # fmt: skip
 OPERATORS: dict[str, type[Operator]] = {str(name_of(operator)): operator for operator in BUILT_IN}

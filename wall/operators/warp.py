@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -25,6 +26,7 @@ from wall.operators.kernels import resample as kernels
 from wall.operators.regions import look_up
 
 MOST_BYTES = 1 << 23  # of a file: 65,536 points of 128 characters
+HEADER_BYTES = 1 << 12  # of a .npy file before its numbers, at most
 Nodes = Annotated[Whole, Ge(2), Le(1024)]
 Share = Annotated[Number, Ge(-4.0), Le(5.0)]  # four images beyond the display: farther is a typing error
 Points = Annotated[tuple[tuple[Share, Share], ...], Field(min_length=4, max_length=65536)]
@@ -71,6 +73,23 @@ class WarpTables:
         return Rect(x=x, y=y, width=int(high[0] - low[0]), height=int(high[1] - low[1]))
 
 
+class PositionTable:
+    """Where each display pixel is in the image, read from a file: shares of it, NaN where nothing is shown."""
+
+    def __init__(self, path: Path, rect: Rect) -> None:
+        """`rect`: of the image. Raises ConfigError naming the file."""
+        shares = read_positions(path, (rect.width, rect.height))
+        pixels = shares * np.array([rect.width, rect.height]) - 0.5
+        known = np.isfinite(pixels).all(axis=2, keepdims=True)
+        with np.errstate(invalid="ignore"):
+            steps = np.floor(np.clip(pixels, -kernels.FARTHEST, kernels.FARTHEST) * kernels.SUBPIXELS + 0.5)
+        self._table = np.where(known, steps, kernels.NOWHERE).astype(np.int32)
+
+    def table(self, rect: Rect) -> NDArray[np.int32]:
+        """(h, w, 2) int32, see kernels.look_up_bilinear."""
+        return self._table
+
+
 class Warp(Operator):
     """As large as the input. Pixels that the mesh does not reach are blank.
 
@@ -82,7 +101,11 @@ class Warp(Operator):
     op: Literal["warp"] = Field(description="deformed by a mesh")
     input: Input
     mesh: Mesh | None = Field(default=None, description="grid of display positions")
-    file: Text | None = Field(default=None, description="YAML or JSON with columns, rows and points, instead of a mesh")
+    file: Text | None = Field(
+        default=None,
+        description="instead of a mesh: YAML or JSON with columns, rows and points; or .npy, (h, w, 2) numbers: for "
+        "each display pixel its position in the image, 0..1 from the top left",
+    )
 
     ONE_OF: ClassVar[tuple[str, str, str] | None] = ("mesh", "file", "mesh: {columns, rows, points} or file: NAME")
     KEEPS_RAYS: ClassVar[bool] = False
@@ -95,11 +118,16 @@ class Warp(Operator):
         """The display pixels that show `rect`; all of them for a file, which is not read yet."""
         return self._tables.touched(rect, inputs[0]) if self._tables is not None else inputs[0]
 
-    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> WarpTables:
-        """The tables of the mesh, read from the file if there is one. Raises ConfigError."""
-        return self._tables or WarpTables(read_mesh(folder / str(self.file)))
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> WarpTables | PositionTable:
+        """The tables of the mesh, or what the file says. Raises ConfigError."""
+        if self._tables is not None:
+            return self._tables
+        path = folder / str(self.file)
+        return PositionTable(path, inputs[0]) if path.suffix == ".npy" else WarpTables(read_mesh(path))
 
-    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: WarpTables) -> None:
+    def apply(
+        self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: WarpTables | PositionTable
+    ) -> None:
         """Write the warped pixels of a region."""
         look_up(inputs[0], out, region, prepared.table(inputs[0].rect)[region.inside(out.rect)])
 
@@ -127,6 +155,23 @@ def read_mesh(path: Path) -> Mesh:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"])) or "the mesh"
         raise ConfigError(f"{path}: {where}: {first['msg']}, wanted columns, rows and one [x, y] a node") from error
+
+
+def read_positions(path: Path, size: tuple[int, int]) -> Float64:
+    """(h, w, 2) float64 of a .npy file for an image of `size`, width and height. Raises ConfigError naming the file."""
+    width, height = size
+    wanted = f"({height}, {width}, 2) floating-point numbers: x and y, 0 to 1, for each pixel"
+    try:
+        data = io.BytesIO(read_file(path, HEADER_BYTES + 16 * width * height))
+        found = np.load(data, allow_pickle=False)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read, {error.strerror or error}; wanted {wanted}") from error
+    except (ValueError, EOFError) as error:
+        raise ConfigError(f"{path}: is no .npy file that can be read ({error}); wanted {wanted}") from error
+    if found.shape != (height, width, 2) or found.dtype.kind != "f":
+        raise ConfigError(f"{path}: is {found.shape} of {found.dtype}, wanted {wanted}")
+    positions: Float64 = found.astype(np.float64)
+    return positions
 
 
 def _cells(start: int, end: int, size: int, count: int) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""What the planner adds before a window: each panel's own pixels, then its colour, blending and warp."""
+"""What the planner adds before a window: each panel's own pixels, then its colour, blending, warp and mask."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ wall:
       blend: {left: 0.2, gamma: 2.0}
       colour: {gain: 0.5}
       warp: {columns: 2, rows: 2, points: [[0, 0], [1, 0], [0, 1], [0.9, 1]]}
+      blend_mask: right.png
 """
 WINDOW = "id: out, op: sink, kind: window, input: w"
 
@@ -39,7 +40,7 @@ def test_each_panel_gets_its_own_pixels_and_what_its_display_needs() -> None:
 
     assert [sink.id for sink in graph.sinks] == ["out.0", "out.1"]
     assert before(graph, "out.0") == ["tile", "crop"]
-    assert before(graph, "out.1") == ["tile", "crop", "colour", "blend_edges", "warp"]
+    assert before(graph, "out.1") == ["tile", "crop", "colour", "blend_edges", "warp", "blend_mask"]
     assert graph.step("out.1").panels == (1,)
     blend = graph.step("out.1.blend").node
     assert (blend.left, blend.right, blend.gamma) == (2, 0, 2.0)  # type: ignore[attr-defined]  # 0.2 m of 0.1 m pixels

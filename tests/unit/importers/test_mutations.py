@@ -36,6 +36,12 @@ SOURCES = {
         "tile_borders: [0.01, 0.02, 0.03, 0.04], viewing_distance: 2}, displays: [{row: 0, column: 0, width: 2}]}"
     ),
 }
+SOURCES["mpcdi"] = (
+    '<MPCDI profile="3d" version="2.0"><display><buffer id="b"><region id="a" xResolution="24" yResolution="15" x="0" '
+    'y="0" xsize="1" ysize="1"><frustum><yaw>5</yaw><pitch>-10</pitch><roll>7</roll><rightAngle>12</rightAngle>'
+    "<leftAngle>-20</leftAngle><upAngle>10</upAngle><downAngle>-10</downAngle></frustum></region></buffer></display>"
+    '<files><fileset region="a"><geometryWarpFile><path>a.pfm</path></geometryWarpFile></fileset></files></MPCDI>'
+)
 ODD = [
     "", "0", "-1",
     "1e999", "NaN", "Infinity", "-Infinity", "9" * 40, "1e-30", "1e8", "null", "true", "[]", "{}", '"', "'",

@@ -30,6 +30,7 @@ CASES: dict[str, tuple[Operator, int]] = {  # the operator, and how many inputs 
     "age_blend": (made(OPERATORS["age_blend"], inputs=THREE, tau_s=0.7), 3),
     "average": (made(OPERATORS["average"], inputs=THREE), 3),
     "blend_edges": (made(OPERATORS["blend_edges"], input="a", left=4, top=3, bottom=1), 1),
+    "blend_mask": (made(OPERATORS["blend_mask"], input="a", file="spot.png"), 1),
     "colour": (made(OPERATORS["colour"], input="a", gain=(1.5, 0.5, 1.0), gamma=1.7, lut="warm.cube", opacity=0.8), 1),
     "constant": (made(OPERATORS["constant"], area=(3, 4, 9, 8), colour=(0.1, 2.0, 0.3), alpha=0.5, depth=4.0), 0),
     "crop": (made(OPERATORS["crop"], input="a", area=(-1, 1, 9, 9)), 1),

@@ -126,3 +126,59 @@ def test_a_warp_needs_a_mesh_or_a_file() -> None:
     for keys in ({}, {"mesh": mesh, "file": "mesh.yaml"}):
         with pytest.raises(ValidationError):
             made(Warp, input="a", **keys)
+
+
+def table(folder: Path, shares: Float64) -> Warp:
+    np.save(folder / "table.npy", shares.astype(np.float32))
+    operator = made(Warp, input="a", file="table.npy")
+    assert isinstance(operator, Warp)
+    return operator
+
+
+def centres(width: int, height: int) -> Float64:
+    """(h, w, 2) shares of the image: the centre of each pixel."""
+    return np.stack(np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height), axis=-1)
+
+
+def test_a_table_of_each_pixel_s_own_position_changes_no_bit(
+    tmp_path: Path, random_numbers: np.random.Generator
+) -> None:
+    source = random_framelet(random_numbers, rect(5, -3, 37, 23))
+    source.colour[3, 4] = np.nan
+    assert_equal(applied(table(tmp_path, centres(37, 23)), source, folder=tmp_path), source)
+
+
+def test_a_table_shows_what_a_mesh_of_the_same_shape_shows(tmp_path: Path, random_numbers: np.random.Generator) -> None:
+    """Both know positions to half a step; the image changes by at most 1 from pixel to pixel."""
+    source = random_framelet(random_numbers, rect(0, 0, 40, 30))
+    source.colour[...] = random_numbers.random((30, 40, 3), np.float32)
+    nodes = grid(2, 2) * [0.8, 0.9] + [0.1, 0.05]
+    shares = (centres(40, 30) - [0.1, 0.05]) / [0.8, 0.9]
+    shares[(np.abs(shares - 0.5) > 0.5).any(axis=2)] = np.nan
+    by_mesh, by_table = applied(warp(nodes), source), applied(table(tmp_path, shares), source, folder=tmp_path)
+    assert np.abs(by_mesh.colour - by_table.colour).max() <= 4 / SUBPIXELS
+
+
+def test_pixels_without_a_position_are_blank(tmp_path: Path) -> None:
+    source = Framelet.blank(rect(0, 0, 4, 3), frozenset({"colour", "alpha"}))
+    source.colour[...], source.channel("alpha")[...] = 1.0, 1.0
+    shares = centres(4, 3)
+    shares[1, 2] = np.nan
+    shown = applied(table(tmp_path, shares), source, folder=tmp_path)
+    assert (shown.colour == 1.0).all(axis=2).sum() == 11
+    assert shown.channel("alpha")[1, 2] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("written", "why"),
+    [
+        (np.zeros((3, 5, 2), np.float32), r"is \(3, 5, 2\) of float32, wanted \(3, 4, 2\) floating-point"),
+        (np.zeros((3, 4, 2), np.int64), "of int64"),
+        (np.array([None]), "no .npy file that can be read"),
+        (np.zeros((300, 400, 2)), "more than"),
+    ],
+)
+def test_a_table_of_another_shape_is_refused(tmp_path: Path, written: np.ndarray, why: str) -> None:
+    np.save(tmp_path / "table.npy", written, allow_pickle=True)
+    with pytest.raises(ConfigError, match=why):
+        made(Warp, input="a", file="table.npy").prepare(tmp_path, [rect(0, 0, 4, 3)])
