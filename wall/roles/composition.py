@@ -22,7 +22,7 @@ from wall.geometry.panels import Panel
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
-from wall.roles.edges import Number, Outlets, RemoteFramelet, needed_from_others
+from wall.roles.edges import Number, Outlets, RemoteFramelet, needed_from_others, shows_only
 from wall.roles.edit_history import EditHistory
 from wall.roles.handed_samples import why_images
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
@@ -222,20 +222,23 @@ class Composition:
             seconds = [
                 (layer, layer.compared.refresh(now, event.exposure)) for layer in layers if layer.compared is not None
             ]
-            self._compared.show(now, force=force)
-            self._compared.step(self._regions_of(seconds), event)
-        self._nodes.show(now, force=force)
-        return self._nodes.step(fresh, event)
+            self._compared.step(self._regions_of(seconds), event, now, force=force)
+        return self._nodes.step(fresh, event, now, force=force)
+
+    def _all_nodes(self) -> list[_Nodes]:
+        return [self._nodes] if self._compared is None else [self._nodes, self._compared]
 
     @property
     def due(self) -> float:
         """When an image of another rank that came is shown next, seconds of the head's clock; inf where none waits."""
-        return self._nodes.due
+        waiting = (remote.due for nodes in self._all_nodes() for remote in nodes.remote.values())
+        return min(waiting, default=math.inf)
 
     def hasten(self, until: float) -> None:
         """Show images of other ranks as they come, until a time, seconds of the head's clock: an edit is among them."""
-        for remote in self._nodes.remote.values():
-            remote.even_from = until
+        for nodes in self._all_nodes():
+            for remote in nodes.remote.values():
+                remote.even_from = until
 
     def take_edited(self, view: int) -> bool:
         """Whether an edit came since this was asked last that the next refresh of a view shows."""
@@ -263,9 +266,8 @@ class Composition:
     def send(self) -> Iterator[Offer]:
         """Offer other ranks what changed for them, as far as there is credit."""
         done = None if self.lockstep is None else self.lockstep.done
-        for nodes in (self._nodes, self._compared):
-            if nodes is not None:
-                yield from nodes.outlets.send(nodes.executor.framelets, lambda view: done or self.newest_event(view))
+        for nodes in self._all_nodes():
+            yield from nodes.outlets.send(nodes.executor.framelets, lambda view: done or self.newest_event(view))
 
     def lose(self, target: int, packet: bytes) -> None:
         """A packet to another rank was dropped: its pixels are sent again."""
@@ -275,9 +277,8 @@ class Composition:
 
     def renew(self, target: int) -> None:
         """Another rank has begun anew: it gets all that it needs of this one again."""
-        for nodes in (self._nodes, self._compared):
-            if nodes is not None:
-                nodes.outlets.renew(target)
+        for nodes in self._all_nodes():
+            nodes.outlets.renew(target)
 
     def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
         """Statistics images of every panel and sampler: made now for own panels, the newest that came of the others.
@@ -346,8 +347,7 @@ class _Nodes:
     ) -> None:
         """`sources`: framelets that this rank makes of samples and skies, by step."""
         graph, layout = plan.layout.graph, plan.layout
-        shows_only = not graph.layers_on(rank) and graph.sync == "none"  # images that others made, evenly
-        period_s = 1.0 / max(view.refresh_hz for view in plan.views) if shows_only else 0.0
+        period_s = 1.0 / max(view.refresh_hz for view in plan.views) if shows_only(graph, rank) else 0.0
         self.remote = {step.index: RemoteFramelet(step, period_s) for step in needed_from_others(graph, rank)}
         sources = sources | {step: remote.framelet for step, remote in self.remote.items()}
         reproject = Timewarp(plan) if lockstep is None else None
@@ -369,15 +369,9 @@ class _Nodes:
             raise RemoteProtocolError(f"a framelet of step {part.step}, which is not needed here")
         self.remote[part.step].insert(part, now)
 
-    def show(self, now: float, *, force: bool = False) -> None:
+    def step(self, fresh: Changes, event: Event, now: float, *, force: bool) -> Changes:
         for remote in self.remote.values():
             remote.show(now, force=force)
-
-    @property
-    def due(self) -> float:
-        return min((remote.due for remote in self.remote.values()), default=math.inf)
-
-    def step(self, fresh: Changes, event: Event) -> Changes:
         arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}
         changes = self.executor.step({**fresh, **arrived}, event)
         for shown in self.shown:

@@ -19,7 +19,7 @@ from wall.operators.overlay import Overlay
 from wall.packets.control import Assignment, Heartbeat, Hello, Membership, Selection, Statistics, Stop, WindowInput
 from wall.packets.notes import Note
 from wall.roles.composition import Composition, RunAll, one_by_one
-from wall.roles.edges import Number, Sent, needed_from_others, summed_number, target_ranks
+from wall.roles.edges import Number, Sent, needed_from_others, shows_only, summed_number, target_ranks
 from wall.roles.editing import shown_parameters, states_of
 from wall.roles.handles import HandlesMaker
 from wall.roles.instructions import (
@@ -92,7 +92,7 @@ class Compositor:
         self._gone: frozenset[int] = frozenset()  # of those: that were not heard of since the status was last made
         self._came = False  # packets, since the last tick
         self._others = {step.index for step in needed_from_others(graph, hello.rank)}
-        self._shows_only = not graph.layers_on(hello.rank) and graph.sync == "none"  # images that others made
+        self._shows_only = shows_only(graph, hello.rank)
         self._shown_at = -math.inf  # when a refresh was last
         self._complete = False  # what the manager was told
         self._began: float | None = None

@@ -210,6 +210,11 @@ def targets_of(graph: Graph, rank: int) -> dict[int, tuple[int, ...]]:
     return found
 
 
+def shows_only(graph: Graph, rank: int) -> bool:
+    """Whether a rank shows images that others made, evenly as they come: it makes none, and waits for no frame."""
+    return not graph.layers_on(rank) and graph.sync == "none"
+
+
 def needed_from_others(graph: Graph, rank: int) -> tuple[Step, ...]:
     """Steps of other ranks whose framelets are needed here."""
     found = {k for step in graph.steps if step.rank == rank for k in step.inputs if graph.steps[k].rank != rank}

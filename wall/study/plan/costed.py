@@ -17,7 +17,7 @@ from wall.compositing.graph import Layer, Step
 from wall.core.data import Event, Framelet, Rect, Region
 from wall.packets.framelets import bands
 from wall.roles.adaptive_renderer import SHARE_OF_TIME
-from wall.roles.edges import NEVER, Number, Outlets, needed_from_others
+from wall.roles.edges import NEVER, Number, Outlets, needed_from_others, shows_only
 from wall.roles.instructions import Offer, Ready, Restart, Trace, Traced, Work
 from wall.roles.plan import Plan
 from wall.study.plan.network import Process
@@ -166,6 +166,7 @@ class CostedComposition:
         self._plan, self._process, self._rates = plan, process, rates
         self.layers = {layer.index: CostedLayer(plan, layer) for layer in graph.layers_on(rank)}
         self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers_on(rank)}
+        self._shows_only = shows_only(graph, rank)
         self._steps = [step for step in graph.steps if step.rank == rank]
         self._framelets = {step.index: _pixel_of(step) for step in self._steps}
         self._remote = {step.index: NEVER for step in needed_from_others(graph, rank)}
@@ -188,7 +189,7 @@ class CostedComposition:
     @property
     def due(self) -> float:
         """Images of others are shown as they come: that the real ones wait to be shown evenly is not simulated."""
-        return -math.inf if self._arrived and not self.layers else math.inf
+        return -math.inf if self._arrived and self._shows_only else math.inf
 
     def insert(self, packet: bytes, now: float) -> None:
         """Take a packet in."""
