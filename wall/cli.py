@@ -314,8 +314,7 @@ def convert(
     from wall.importers import command
 
     chosen, conversion, yaml = command.convert_file(file, format_name, f"{output.stem}_files")
-    command.write(output, yaml)
-    command.write_files(output.parent, conversion)
+    command.write_conversion(output, yaml, conversion)
     if report is not None:
         command.write_report(report, conversion)
     left_out = command.table(conversion)

@@ -109,7 +109,7 @@ def _unblended(loaded: Loaded, wall: Wall) -> Iterator[str]:
 
 def _fades(panel: Panel) -> bool:
     ramps = panel.blend is not None and max(panel.blend.across, panel.blend.down) > 0.0
-    return ramps or panel.config.blend_mask is not None
+    return ramps or _masked(panel)
 
 
 def _masked(panel: Panel) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -11,10 +11,9 @@ from rich.table import Table
 
 from wall.config import yaml_text
 from wall.core.errors import ConfigError
-from wall.importers import mpcdi
+from wall.importers.archive import Files
 from wall.importers.dropped_values import checked_layout
 from wall.importers.formats import MOST_CHARACTERS, Format, detect, known, named
-from wall.importers.mpcdi_files import Files
 from wall.importers.report import Conversion, Item
 
 LINES_SHOWN = 8
@@ -27,20 +26,20 @@ def convert_file(path: Path, format_name: str | None = None, folder: str = "") -
     `folder`: beside the YAML, for files that belong to it. Raises ConfigError if the file cannot be read, has no known
     format, or describes no wall that is possible here.
     """
-    if zipfile.is_zipfile(path):
-        files = Files(path)
-        return convert_text(files.description(), str(path), format_name or "mpcdi", files, folder)
-    return convert_text(read(path), str(path), format_name, Files(path), folder)
+    files = Files(path, folder)
+    if files.is_archive:
+        return convert_text(files.description(), str(path), format_name or "mpcdi", files)
+    return convert_text(read(path), str(path), format_name, files)
 
 
 def convert_text(
-    text: str, name: str, format_name: str | None = None, files: Files | None = None, folder: str = ""
+    text: str, name: str, format_name: str | None = None, files: Files | None = None
 ) -> tuple[Format, Conversion, str]:
     """Convert text that errors call `name`; `files`: those that it may name. As `convert_file`."""
     if len(text) > MOST_CHARACTERS:
         raise ConfigError(f"{name}: {len(text)} characters are too many; accepted: at most {MOST_CHARACTERS}")
     chosen = named(format_name) if format_name else detect(text, name)
-    conversion = mpcdi.convert(text, name, files, folder) if chosen.name == "mpcdi" else chosen.convert(text, name)
+    conversion = chosen.convert(text, name, files)
     try:
         layout = checked_layout(conversion)
     except ConfigError as error:
@@ -124,22 +123,22 @@ def write_report(path: Path, conversion: Conversion) -> None:
     write(path, json.dumps(conversion.as_json(), indent=2, ensure_ascii=False) + "\n")
 
 
-def write(path: Path, text: str) -> None:
-    """Write a text file. Raises ConfigError if that cannot be done."""
+def write(path: Path, data: str | bytes) -> None:
+    """Write a file, text in UTF-8. Raises ConfigError if that cannot be done."""
     try:
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
-def write_files(folder: Path, conversion: Conversion) -> None:
-    """Write the files that belong to a conversion beside its YAML. Raises ConfigError if that cannot be done."""
+def write_conversion(path: Path, yaml: str, conversion: Conversion) -> None:
+    """Write a YAML file, and beside it the files that belong to it. Raises ConfigError if that cannot be done."""
+    write(path, yaml)
     for name, data in conversion.files.items():
-        try:
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(data)
-        except OSError as error:
-            raise ConfigError(f"{folder / name}: cannot be written ({error.strerror or error})") from None
+        own = path.parent / name
+        with contextlib.suppress(OSError):  # `write` says what is wrong with the folder
+            own.parent.mkdir(parents=True, exist_ok=True)
+        write(own, data)
 
 
 def _without_indices(what: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import PurePath
 
 from wall.core.errors import ConfigError
 from wall.importers import json_source, xml_source
+from wall.importers.archive import Files
 from wall.importers.report import Conversion, NotThisFormat
 
 MOST_CHARACTERS = 1 << 20  # of a file
@@ -23,11 +24,12 @@ class Format:
     name: str
     known_by: str
     module: str
+    names_files: bool = False  # its function takes those that the text names
 
-    def convert(self, text: str, name: str) -> Conversion:
+    def convert(self, text: str, name: str, files: Files | None = None) -> Conversion:
         """Convert `text`, which errors call `name`. Raises NotThisFormat, with name:line:column."""
-        function: Callable[[str, str], Conversion] = import_module(self.module).convert
-        return function(text, name)
+        function: Callable[..., Conversion] = import_module(self.module).convert
+        return function(text, name, files) if self.names_files else function(text, name)
 
 
 FORMATS = {
@@ -39,7 +41,10 @@ FORMATS = {
         Format(name="sgct", known_by="nodes and masteraddress in JSON, <Cluster> in XML", module="wall.importers.sgct"),
         Format(name="sage2", known_by="resolution, layout and displays in JSON5", module="wall.importers.sage2"),
         Format(
-            name="mpcdi", known_by="an archive with mpcdi.xml (.mpcdi), <MPCDI> in XML", module="wall.importers.mpcdi"
+            name="mpcdi",
+            known_by="an archive with mpcdi.xml (.mpcdi), <MPCDI> in XML",
+            module="wall.importers.mpcdi",
+            names_files=True,
         ),
         Format(name="equalizer", known_by="server { config { (.eqc)", module="wall.importers.equalizer"),
     )

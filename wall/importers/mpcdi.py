@@ -16,15 +16,24 @@ import numpy as np
 from wall.core.data import Float64
 from wall.core.errors import ConfigError
 from wall.importers import mpcdi_files, xml_source
-from wall.importers.mpcdi_files import GAMMA, Files
-from wall.importers.panels import METRES_A_PIXEL, MOST_PIXELS, Draft, configuration, fit_panels, rotation, upright
+from wall.importers.archive import Files
+from wall.importers.mpcdi_files import GAMMA
+from wall.importers.panels import (
+    DISTANCE_M,
+    METRES_A_PIXEL,
+    MOST_PIXELS,
+    WIDEST,
+    Draft,
+    configuration,
+    fit_panels,
+    turned,
+    upright,
+)
 from wall.importers.report import Conversion
 from wall.importers.source import Node, Source
 
 PROFILES = ("2d", "3d", "a3", "sl")
 METRES = {"mm": 1e-3, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
-DISTANCE_M = 1.0  # of a panel before the eye, where only a frustum is given: any gives the same rays
-WIDEST = 85.0  # degrees of a frustum's side from straight ahead
 STEEPEST = 80.0  # degrees of a point from straight before the panel that stands in for a bent screen
 EYE_HEIGHT_M = 1.7  # of who stands at the centre of a floor
 OUTSIDE = 1e-3  # of a region's width: positions farther out are shown nowhere
@@ -48,10 +57,10 @@ class Region:
     fileset: Node | None
 
 
-def convert(text: str, name: str, files: Files | None = None, folder: str = "") -> Conversion:
+def convert(text: str, name: str, files: Files | None = None) -> Conversion:
     """The configuration of an mpcdi.xml. Raises NotThisFormat with name:line:column.
 
-    `files`: what it names, if they are there; those that are needed go to the conversion's files, in `folder`.
+    `files`: what it names, if they are there; those that are needed go to the conversion's files.
     """
     source = Source(name, xml_source.parse(text, name), REASONS)
     if source.root.key != "MPCDI":
@@ -60,14 +69,14 @@ def convert(text: str, name: str, files: Files | None = None, folder: str = "") 
     if profile not in PROFILES:
         raise source.refuse(source.root, f"profile is {profile or 'not said'}"[:80], ", ".join(PROFILES))
     source.carry(_field(source.root, "profile"), "how regions become panels")
-    return _Importer(source, profile, files, folder).conversion()
+    return _Importer(source, profile, files).conversion()
 
 
 class _Importer:
     """One conversion."""
 
-    def __init__(self, source: Source, profile: str, files: Files | None, folder: str) -> None:
-        self._source, self._profile, self._files, self._folder = source, profile, files, folder
+    def __init__(self, source: Source, profile: str, files: Files | None) -> None:
+        self._source, self._profile, self._files = source, profile, files
         self._made: dict[str, bytes] = {}
         self._filesets = {_said(each, "region"): each for each in _all(source.root, "fileset")}
         self._eye = np.zeros(3)
@@ -180,8 +189,7 @@ class _Importer:
             return None
         low_x, high_x, low_y, high_y = (math.tan(math.radians(side)) for side in sides)
         local = np.array([[low_x, low_y, -1.0], [high_x, low_y, -1.0], [low_x, high_y, -1.0]])
-        turned = turn(yaw, pitch, roll) @ (DISTANCE_M * local.T)
-        return np.asarray(turned.T + position)
+        return np.asarray(position + DISTANCE_M * local @ turned(yaw, pitch, roll).T)
 
     def _axes(self, region: Region) -> Float64:
         """(3, 3) rows: right, up and backwards in the file's axes, which it tells as a pilot does: yaw's is down."""
@@ -305,7 +313,8 @@ class _Importer:
     def _keep(self, region: Region, what: str, data: bytes) -> str:
         """Add a file to the conversion. Returns its path beside the YAML."""
         plain = "".join(ch if ch.isascii() and (ch.isalnum() or ch in "-_") else "-" for ch in region.name)[:48]
-        path = f"{self._folder}/{len(self._made)}-{plain}.{what}" if self._folder else f"{plain}.{what}"
+        folder = "" if self._files is None else self._files.folder
+        path = f"{folder}/{len(self._made)}-{plain}.{what}" if folder else f"{plain}.{what}"
         self._made[path] = data
         return path
 
@@ -317,16 +326,6 @@ class _Importer:
         if found is not None:
             self._source.carry(node, "corners")
         return found
-
-
-def turn(yaw: float, pitch: float, roll: float) -> Float64:
-    """(3, 3) what takes directions from before a projector to the wall's frame; degrees.
-
-    As of a pilot who looks along -z: first turned to the right by yaw, then up by pitch, then the left side raised by
-    roll.
-    """
-    y, p, r = (math.radians(angle) for angle in (yaw, pitch, roll))
-    return np.asarray(rotation(1, -y) @ rotation(0, p) @ rotation(2, -r))
 
 
 def _steps(points: Float64, axis: int) -> Float64:

@@ -21,6 +21,8 @@ from wall.importers.overlaps import declare_overlaps
 from wall.importers.report import Item
 from wall.importers.source import Node, Source
 
+DISTANCE_M = 1.0  # from the eye to a panel of which only a field of view is given: any gives the same rays
+WIDEST = 85.0  # degrees from straight ahead to an edge: a plane's size diverges at 90
 METRES_A_PIXEL = 0.25e-3  # a desktop monitor of about 100 pixels an inch
 MOST_PIXELS = 16384  # of a panel, each way, as a configuration accepts them
 SMALLEST_M = 1e-4  # metres of a panel, each way, as a configuration accepts them
@@ -76,6 +78,13 @@ def rotation(axis: int, angle: float) -> Float64:
     turn[k, i] = math.sin(angle)
     turn[i, k] = -math.sin(angle)
     return turn
+
+
+def turned(yaw: float, pitch: float, roll: float) -> Float64:
+    """(3, 3) rotation of who looks along -z: to the right by yaw, then up by pitch, then the left raised; degrees."""
+    y, p, r = (math.radians(angle) for angle in (yaw, pitch, roll))
+    found: Float64 = rotation(1, -y) @ rotation(0, p) @ rotation(2, -r)
+    return found
 
 
 def upright(x: float, y: float, width: float, height: float) -> Float64:

@@ -11,11 +11,9 @@ import math
 import numpy as np
 
 from wall.core.data import Float64
-from wall.importers.panels import SMALLEST_M, corners_of, rotation
+from wall.importers.panels import DISTANCE_M, SMALLEST_M, WIDEST, corners_of, turned
 from wall.importers.source import Node, Source
 
-DISTANCE_M = 1.0  # metres from the eye to a plane whose distance the file does not give
-WIDEST = 85.0  # degrees from the middle to an edge: a plane's size diverges at 90
 SUBSTITUTE_FOV = 90.0  # degrees
 WIDEST_SUBSTITUTE = 120.0  # degrees
 PLANES = ("planarprojection", "texturemappedprojection")
@@ -128,9 +126,9 @@ def _orientation(source: Source, node: Node | None) -> Float64:
             return _of_quaternion(quaternion / np.linalg.norm(quaternion))
         source.drop(node, "is no rotation")
         return np.eye(3)
-    yaw, pitch, roll = (math.radians(source.number(node.get(key)) or 0.0) for key in ("yaw", "pitch", "roll"))
+    yaw, pitch, roll = (source.number(node.get(key)) or 0.0 for key in ("yaw", "pitch", "roll"))
     source.carry(node, "corners")
-    return rotation(1, -yaw) @ rotation(0, pitch) @ rotation(2, -roll)
+    return turned(yaw, pitch, roll)
 
 
 def _of_quaternion(quaternion: Float64) -> Float64:

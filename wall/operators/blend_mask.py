@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import BinaryIO, ClassVar, Literal
 
 import numpy as np
 from PIL import Image
@@ -58,15 +58,18 @@ class BlendMask(Operator):
 def read_mask(path: Path) -> Float32:
     """(h, w, 3 or 1) float32, 0..1: the values of a PNG as they stand. Raises ConfigError."""
     try:
-        with Image.open(path, formats=["PNG"]) as image:
-            if image.mode.startswith("I"):  # 16 bits, grey
-                values = np.asarray(image, np.float32)[..., None] / np.float32(65535.0)
-            else:
-                grey = image.mode in ("L", "1", "LA")
-                values = np.asarray(image.convert("L" if grey else "RGB"), np.float32) / np.float32(255.0)
-                values = values[..., None] if grey else values
+        return mask_values(path)
     except FileNotFoundError:
         raise ConfigError(f"{path}: there is no such file") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise ConfigError(f"{path}: cannot be read as a PNG, {error}") from error
-    return np.ascontiguousarray(values)
+
+
+def mask_values(file: Path | BinaryIO) -> Float32:
+    """As read_mask. Raises what Pillow raises: OSError, ValueError, SyntaxError, DecompressionBombError."""
+    with Image.open(file, formats=["PNG"]) as image:
+        if image.mode.startswith("I"):  # 16 bits, grey
+            return np.asarray(image, np.float32)[..., None] / np.float32(65535.0)
+        grey = image.mode in ("L", "1", "LA")
+        values: Float32 = np.asarray(image.convert("L" if grey else "RGB"), np.float32) / np.float32(255.0)
+    return values[..., None] if grey else values

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import threading
 import zipfile
 from pathlib import Path
 
@@ -14,10 +16,10 @@ from wall import cli
 from wall.config.loading import load
 from wall.core.data import Float64, Rect
 from wall.core.errors import ConfigError
-from wall.importers import mpcdi_files
+from wall.importers import archive as archives
 from wall.importers.command import convert_file
-from wall.importers.mpcdi import turn
 from wall.importers.mpcdi_files import read_pfm
+from wall.importers.panels import turned
 from wall.importers.report import Conversion, NotThisFormat
 from wall.operators.blend_mask import read_mask
 from wall.operators.warp import read_positions
@@ -150,9 +152,9 @@ def test_a_mask_of_linear_shares_is_made_for_a_projector_s_gamma(tmp_path: Path)
 def test_a_projector_turns_as_a_pilot_does(
     angles: tuple[float, float, float], ahead: tuple[float, float, float], left_rises: float
 ) -> None:
-    turned = turn(*angles)
-    np.testing.assert_allclose(turned @ [0, 0, -1], ahead, atol=1e-12)
-    assert (turned @ [-1, 0, 0])[1] == pytest.approx(left_rises, abs=1e-12)
+    found = turned(*angles)
+    np.testing.assert_allclose(found @ [0, 0, -1], ahead, atol=1e-12)
+    assert (found @ [-1, 0, 0])[1] == pytest.approx(left_rises, abs=1e-12)
 
 
 def test_a_frustum_s_panel_is_seen_under_its_angles(tmp_path: Path) -> None:
@@ -160,7 +162,7 @@ def test_a_frustum_s_panel_is_seen_under_its_angles(tmp_path: Path) -> None:
     made = converted(tmp_path, text)
     assert [panel["id"] for panel in made.values["wall"]["panels"]] == ["a"], "no image is 95 degrees aside"
     assert any("growing angles" in item.why for item in made.not_carried)
-    local = corners(made, 0) @ turn(40, -20, 10)  # its transpose, from the right
+    local = corners(made, 0) @ turned(40, -20, 10)  # its transpose, from the right
     angles = np.degrees(np.arctan2(local[:, :2], -local[:, 2:]))
     np.testing.assert_allclose(angles, [[-20, -10], [30, -10], [-20, 15]], atol=1e-6)
     assert made.values["views"][0]["eye"] == [0, 0, 0]
@@ -246,11 +248,22 @@ def test_what_is_no_mpcdi_is_refused_and_what_is_too_large_is_not_read(
         out.writestr("a.txt", "")
     with pytest.raises(NotThisFormat, match=r"has no mpcdi\.xml"):
         convert_file(tmp_path / "other.zip")
-    monkeypatch.setattr(mpcdi_files, "MOST_BYTES", 1000)
+    monkeypatch.setattr(archives, "MOST_BYTES", 1000)
     made = converted(tmp_path, document("2d", region("a"), FILESET.format("a", "", "")), **{"a.pfm": bytes(1001)})
     assert any("more than 1000 bytes" in item.why for item in made.not_carried)
     with pytest.raises(ConfigError, match="more than 1000 bytes"):
         converted(tmp_path, document("2d", region("a")) + " " * 1000)
+
+
+def test_a_description_may_come_through_a_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    text = document("3d", region("a", inner=frustum(0, 0, 0)))
+    writer = threading.Thread(target=(tmp_path / "pipe").write_text, args=(text,), daemon=True)
+    writer.start()
+    made = convert_file(tmp_path / "pipe")[1]
+    writer.join(10.0)
+    assert not writer.is_alive()
+    assert made.panels == 1
 
 
 def test_wall_convert_writes_the_files_beside_the_yaml_and_the_wall_is_right(
