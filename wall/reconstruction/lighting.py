@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.core.data import Float32
 from wall.deepbuffer.kernels.reproject_rows import RowTables
@@ -19,8 +20,8 @@ EVERY_SAMPLE = np.float32(-np.inf)
 class Lighting:
     """Filters the light of samples over their surfaces, whenever enough of them are new."""
 
-    def __init__(self, height: int, width: int, objects: int, *, scanned: bool = False) -> None:
-        """`scanned`: rows of the image are seen one after the other."""
+    def __init__(self, height: int, width: int, moves: NDArray[np.uint8], *, scanned: bool = False) -> None:
+        """`moves` (objects + 1,): 1 where an object is animated. `scanned`: rows of the image are seen one by one."""
 
         def zeros(rows: int) -> Float32:
             return np.zeros((rows, *kernels_filter.padded(height, width)), np.float32)
@@ -40,15 +41,16 @@ class Lighting:
         tiles = -(-height // kernels_change.LIGHT_TILE), -(-width // kernels_change.LIGHT_TILE)
         self._enough, self._longest = height * width // SAMPLE_EVERY, PIXEL_S * height * width
         self._new = 0  # samples since the light was filtered last,
-        self._filtered, self._table = EVERY_SAMPLE, np.zeros((objects + 1, 12), np.float32)  # when, and from where
+        self._filtered, self._table = EVERY_SAMPLE, np.zeros((len(moves), 12), np.float32)  # when, and from where
         still = RowTables(self._table, np.zeros(3, np.float32))
         self._rows: RowTables | None = still if scanned else None  # beside the table
-        self._probes = np.zeros((*tiles, kernels_change.COLUMNS), np.float32)
-        self._changes = np.ones((*tiles, 4), np.float32)
+        self._moves = moves
+        self._probes = np.zeros((2, *tiles, kernels_change.COLUMNS), np.float32)  # of still and of animated objects
+        self._changes = np.ones((2, *tiles, 4), np.float32)
 
     def compile(self, store: SampleStore) -> None:
         """Compile what is not needed at once: no image is to wait for it."""
-        kernels_change.correct_light(store, 0, self._changes, np.float32(0.0))
+        kernels_change.correct_light(store, 0, self._changes, self._moves, np.float32(0.0))
 
     def clear(self) -> None:
         """Forget the light of every surface."""
@@ -64,12 +66,14 @@ class Lighting:
     def probe(self, store: SampleStore, first: int, last: int) -> None:
         """Compare new samples, first..last of the store, with the light that is shown."""
         self._new += last - first
-        kernels_change.probe_light(store, first, last, self._table, self._rows, self.field, self._probes)
+        shown = self._table, self._rows, self.field
+        kernels_change.probe_light(store, first, last, *shown, self._moves, self._probes)
 
     def correct(self, store: SampleStore, count: int, now: np.float32) -> None:
         """Bring older samples to the light that newer ones found. To be called before weights are found."""
-        if kernels_change.find_changes(self._probes, self._changes):
-            kernels_change.correct_light(store, count, self._changes, now)
+        found = [kernels_change.find_changes(self._probes[k], self._changes[k]) for k in range(1 + self._moves.any())]
+        if any(found):
+            kernels_change.correct_light(store, count, self._changes, self._moves, now)
 
     def is_due(self, now: np.float32) -> bool:
         """Whether light is to be filtered anew while something moves: enough samples came, or it was long ago."""

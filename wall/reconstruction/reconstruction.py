@@ -101,7 +101,9 @@ class Reconstruction:
         )  # fmt: skip
         width, height = self.rect.width, self.rect.height
         scanned = panel.scan is not None
-        self._lighting = Lighting(height, width, len(scene.instances), scanned=scanned) if noisy else None
+        moves = np.zeros(len(scene.instances) + 1, np.uint8)
+        moves[scene.animated_objects + 1] = 1
+        self._lighting = Lighting(height, width, moves, scanned=scanned) if noisy else None
         if self._lighting is not None:
             self._lighting.compile(self.buffer.store)
         self._bounds = np.ones((3, height, width), np.float32)

@@ -50,7 +50,7 @@ def test_an_albedo_comes_back_within_half_a_code() -> None:
 
 def lighting(light: Float32, *, variance: float, count: float = 1.0) -> Lighting:
     """Of pixels of object 1 in the plane z = 0, a unit apart, their light (SIZE, SIZE) grey."""
-    made = Lighting(SIZE, SIZE, 2)
+    made = Lighting(SIZE, SIZE, np.zeros(3, np.uint8))
     pixels = made.field.pixels
     pixels[fields.OBJECT], pixels[fields.NORMAL_Z], pixels[fields.VARIANCE] = 1.0, 1.0, variance
     pixels[fields.POSITION_Y], pixels[fields.POSITION_X] = np.mgrid[:SIZE, :SIZE]
@@ -145,6 +145,26 @@ def test_change_is_found_in_noise_that_is_larger(random_numbers: np.random.Gener
 def test_one_correction_is_bounded(random_numbers: np.random.Generator, change: float) -> None:
     found = probed(random_numbers, change=change, noise=0.01, probes=16)[..., :3]
     assert np.allclose(found, changes.LEAST if change < 0.0 else changes.MOST)
+
+
+def test_what_an_animated_object_finds_changes_neither_the_sky_nor_what_stands(
+    random_numbers: np.random.Generator,
+) -> None:
+    """A wheel before the sky and a body, all in every tile: samples of the wheel find twice the light shown."""
+    made = Lighting(8 * TILES[0], 8 * TILES[1], np.array([0, 0, 1], np.uint8))
+    made.field.pixels[fields.OBJECT], made.field.pixels[fields.VARIANCE] = 2.0, 0.1
+    made.field.filtered[:] = 1.0
+    n = 3 * 64
+    store = SampleStore.of(2 * n, lit=False, noisy=True)
+    store.object_id[:], store.confidence[:], store.light[:n], store.light[n:] = np.arange(2 * n) % 3, 1.0, 1.0, 2.0
+    store.screen_position[:2] = random_numbers.uniform(0.0, 32.0, (2, 2 * n))
+    store.screen_position[2], store.position[:2], store.position[2] = 1.0, store.screen_position[:2], 1.0
+    made._table[:, [0, 5, 10]] = 1.0  # panel_from_object: x and y over z are pixels
+    made.probe(store, n, 2 * n)
+    made.correct(store, n, np.float32(1.0))
+    for object_id, shown in ((0, 1.0), (1, 1.0), (2, 2.0)):
+        assert store.light[:n][store.object_id[:n] == object_id].mean() == pytest.approx(shown, rel=0.05), object_id
+        assert (store.confidence[:n][store.object_id[:n] == object_id] == 1.0).all() == (object_id < 2)
 
 
 # --- the image

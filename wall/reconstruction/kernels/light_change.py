@@ -2,7 +2,8 @@
 
 A new sample says little alone. The differences of many, to the filtered light of their pixels, have a mean and a
 standard error: what is beyond that is change. Older samples are multiplied by it, and doubted where even that change is
-larger than what the filter does not know anyway.
+larger than what the filter does not know anyway. What moves says nothing about what stands beside it, nor the sky about
+either: each tile knows the changes of still and of animated objects apart.
 """
 
 from __future__ import annotations
@@ -33,11 +34,12 @@ TINY = np.float32(1e-20)
 
 
 @kernel
-def probe_light(store, first, last, table, rows, field, probes):
+def probe_light(store, first, last, table, rows, field, moves, probes):
     """Compare samples first..last of the store with the filtered light of their pixels.
 
     store : SampleStore; field : LightField, as filtered last; table, rows : see show_light
-    probes : (rows, columns, COLUMNS) float32, updated
+    moves : (n + 1,) uint8, whether an object is animated
+    probes : (2, rows, columns, COLUMNS) float32, of still and of animated objects, updated
     """
     screen, filtered = store.screen_position, field.filtered
     for k in range(first, last):
@@ -52,7 +54,8 @@ def probe_light(store, first, last, table, rows, field, probes):
         variance = field.pixels[VARIANCE, i, j]
         own, limit = abs(luminance(x, y, z)), CLIP * math.sqrt(variance)
         share = limit / own if own > limit else ONE
-        tile = probes[uint32(screen[Y, k]) // uint32(LIGHT_TILE), uint32(screen[X, k]) // uint32(LIGHT_TILE)]
+        row, column = uint32(screen[Y, k]) // uint32(LIGHT_TILE), uint32(screen[X, k]) // uint32(LIGHT_TILE)
+        tile = probes[moves[store.object_id[k]], row, column]
         tile[DIFFERENCE] += share * x
         tile[DIFFERENCE + 1] += share * y
         tile[DIFFERENCE + 2] += share * z
@@ -113,25 +116,27 @@ def find_changes(probes, changes):
 
 
 @kernel
-def correct_light(store, count, changes, now):
+def correct_light(store, count, changes, moves, now):
     """Bring the light of older samples to what new ones found, and take confidence from them.
 
     store : SampleStore, `light` and `confidence` updated; count : int, samples stored
-    changes : (rows, columns, 4) float32, see find_changes; now : float32 seconds of the store's clock
+    changes : (2, rows, columns, 4) float32, see find_changes, of still and of animated objects
+    moves : (n + 1,) uint8, whether an object is animated; now : float32 seconds of the store's clock
     """
     screen = store.screen_position
-    rows, columns = changes.shape[0], changes.shape[1]
+    rows, columns = changes.shape[1], changes.shape[2]
     for k in range(count):
-        if not screen[DEPTH, k] > ZERO:
+        if not screen[DEPTH, k] > ZERO or store.object_id[k] == 0:
             continue
         v = min(max(screen[Y, k] / np.float32(LIGHT_TILE) - HALF, ZERO), np.float32(rows - 1))
         u = min(max(screen[X, k] / np.float32(LIGHT_TILE) - HALF, ZERO), np.float32(columns - 1))
         i, j = int(v), int(u)
         a, b = min(i + 1, rows - 1), min(j + 1, columns - 1)
         fv, fu = v - np.float32(i), u - np.float32(j)
+        own = changes[moves[store.object_id[k]]]
         phi = min(max(now - store.time[k], ZERO) / WHOLE_S, ONE)
         for c in range(4):
-            factor = mix(mix(changes[i, j, c], changes[i, b, c], fu), mix(changes[a, j, c], changes[a, b, c], fu), fv)
+            factor = mix(mix(own[i, j, c], own[i, b, c], fu), mix(own[a, j, c], own[a, b, c], fu), fv)
             part = ONE + phi * (factor - ONE)
             if c < 3:
                 store.light[k, c] *= part
