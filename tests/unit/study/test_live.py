@@ -21,7 +21,7 @@ from wall.study.live.command import methods_of, report, tables
 from wall.study.live.cpu_limit import parents_of, quota_files
 from wall.study.live.film import scaled
 from wall.study.live.images import GAP, SMALLEST_LABEL, strip
-from wall.study.live.rewriting import load_without_windows, moving, text_for
+from wall.study.live.rewriting import left_out, load_without_windows, moving, text_for
 from wall.study.live.rows import Row
 from wall.study.live.runs import busy_ticks
 from wall.study.live.scores import Shown, score
@@ -70,6 +70,36 @@ def test_held_picture_is_the_newest_that_was_light():
     assert [timeline.held("a", t).version for t in (0.031, 1.249, 1.2501, 9.0)] == [0, 0, 1, 1]
     assert timeline.held("b", 9.0).version == 0, "a panel that did not change is held"
     assert timeline.held("c", 9.0) is None
+
+
+def test_what_a_neighbour_changes_in_an_overlap_is_no_image_of_the_panel_s_own():
+    """Panels of 8x1 pixels that share 2, each at 10 Hz, in turn: each image also changes the other's overlap."""
+    shown, pixels = [], []
+    for k in range(40):
+        tick = np.array([k // 2, (k + 1) // 2]) % 250  # of a and b
+        for name, x, own in (("a", 0, tick[0]), ("b", 6, tick[1])):
+            row = np.full(8, own)
+            row[6:8] = k  # the newest of both
+            row = row if name == "a" else row[::-1]
+            at, time = 24 * len(shown), 0.05 * k
+            pixels.append(np.repeat(row, 3))
+            shown.append(replace(panel(name, k, time=time, refresh=time, size=(8, 1)), screen=(x, 0), offset=at))
+    both = replace(log(*shown), pixels=np.concatenate(pixels).astype(np.uint8))
+
+    assert Timeline(both, 0.0).intervals(0.2, 1.6).refresh_hz == pytest.approx(10.0, abs=0.7)
+
+
+def test_windows_that_a_measurement_leaves_out_are_named(tmp_path: Path):
+    path = config(tmp_path, graph="{preset: sort-first, sinks: [window]}")
+    threads = path.read_text()
+    path.write_text(threads.replace(", threads: 2", ""))
+    assert left_out(path) == "", "windows show the images as they are"
+
+    path.write_text(path.read_text().replace("0.4, 0.3]", "0.4, 0.3], overlap: 0.05, blend: auto"))
+    assert "without blend" in left_out(path) and "p0, p1 travel to a compositor" in left_out(path)
+
+    path.write_text(threads.replace("0.4, 0.3]", "0.4, 0.3], overlap: 0.05, blend: auto"))
+    assert left_out(path) == "", "samples of two threads travel anyway"
 
 
 def test_intervals_are_of_the_pictures_within_the_span():

@@ -11,7 +11,7 @@ from wall.config.sampling import AnySampling, switched
 from wall.config.views import OrbitPathConfig
 from wall.core.errors import ConfigError
 from wall.geometry.expanding import expanded_config
-from wall.roles.plan import Layout, Plan, aimed, make_layout, make_plan
+from wall.roles.plan import Layout, Plan, aimed, make_layout, make_plan, why_not_at_renderer
 
 Rows = Literal["known", "middle", "ignored"]  # what a renderer makes of `row_time`
 ROWS: tuple[Rows, ...] = get_args(Rows)
@@ -38,6 +38,23 @@ def load_without_windows(path: Path, *, several: bool = False) -> Loaded:
     loaded = loaded.with_config(loaded.config.model_copy(update={"graph": _without_windows(loaded.config.graph)}))
     _check_graph(make_layout(loaded))
     return loaded
+
+
+def left_out(path: Path) -> str:
+    """What the windows of a configuration make of images, and the same without windows does not; "" for nothing."""
+    shown, measured = make_layout(load(path)), make_layout(load_without_windows(path))
+    travel = {
+        layer.node: why
+        for layer in shown.graph.layers
+        if (why := why_not_at_renderer(shown, layer)) and not why_not_at_renderer(measured, layer)
+    }
+    if not travel:
+        return ""
+    return (
+        f"{path.stem}: measured before its windows: without blend, warp, colour and masks. With windows samples of "
+        f"{', '.join(travel)} travel to a compositor ({next(iter(travel.values()))}), here their renderers make the "
+        "images: rates and latencies of the wall itself differ, see summary.json of a run"
+    )
 
 
 def moving(loaded: Loaded) -> Plan:

@@ -20,7 +20,7 @@ from wall.study.live import cpu_limit
 from wall.study.live.film import film_hz
 from wall.study.live.reference import WallReference
 from wall.study.live.results import compose, keep
-from wall.study.live.rewriting import Rows, load_without_windows, moving, text_for, with_rows
+from wall.study.live.rewriting import Rows, left_out, load_without_windows, moving, text_for, with_rows
 from wall.study.live.rows import FILE, Row
 from wall.study.live.runs import IMAGES, RecordedRun, record_wall
 from wall.study.live.scores import Shown, score
@@ -115,6 +115,7 @@ def sweep(wanted: Wanted, watch: Watch) -> Outcome:
     wanted.check()
     outcome = Outcome(rows=[], failures=[], notes=[])
     loaded = [load_without_windows(config) for config in wanted.configs]
+    outcome.notes.extend(filter(None, map(left_out, wanted.configs)))
     for one in loaded:
         watch(f"{one.path.stem}: loading the scene", 0, len(loaded))
         plan = moving(one)

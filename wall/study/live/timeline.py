@@ -43,6 +43,7 @@ class Timeline:
         for panel in log.panels:
             light = max(panel.time, panel.refresh + delay_s) - log.began
             self._shown[panel.panel].append((light, panel))
+        self._log = log
 
     def held(self, panel: str, time: float) -> LoggedPanel | None:
         """The newest image of a panel that was light at `time`; None before its first."""
@@ -51,8 +52,28 @@ class Timeline:
         return shown[k - 1][1] if k else None
 
     def intervals(self, first: float, seconds: float) -> Intervals:
-        """Of the images that became light within `seconds` from `first` on, each panel for itself."""
-        return intervals([[light for light, _ in shown] for shown in self._shown.values()], first, seconds)
+        """Of the images that became light within `seconds` from `first` on, each panel for itself.
+
+        Where panels overlap, what a neighbour's new image changes there is no image of the panel's own.
+        """
+        return intervals([self._own(shown) for shown in self._shown.values()], first, seconds)
+
+    def _own(self, shown: list[tuple[float, LoggedPanel]]) -> list[float]:
+        """When a panel's images became light that changed something beside its overlaps with other panels."""
+        alone = np.ones(shown[0][1].size[::-1], np.bool_)
+        (left, top), here = shown[0][1].screen, shown[0][1].panel
+        for (_, other), *_ in (images for panel, images in self._shown.items() if panel != here):
+            (x, y), (width, height) = other.screen, other.size
+            alone[max(y - top, 0) : max(y + height - top, 0), max(x - left, 0) : max(x + width - left, 0)] = False
+        if alone.all() or not alone.any():
+            return [light for light, _ in shown]
+        own, before = list[float](), None
+        for light, panel in shown:
+            pixels = self._log.rgb(panel)[alone]
+            if before is None or (pixels != before).any():
+                own.append(light)
+                before = pixels
+        return own
 
 
 def intervals(panels: Sequence[Sequence[float]], first: float, seconds: float) -> Intervals:
