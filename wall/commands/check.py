@@ -14,7 +14,7 @@ from wall.commands.fields import fields_of_packets
 from wall.commands.terminal import si
 from wall.config.loading import Loaded
 from wall.config.views import ViewConfig
-from wall.geometry.panels import Wall
+from wall.geometry.panels import Panel, Wall
 from wall.reconstruction.choice import choose
 from wall.roles.edges import target_ranks
 from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan, why_not_at_renderer
@@ -40,7 +40,7 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
     sampling = layout.sampling_of(layout.region(layout.renderers()[0]).view)
     shown = (*sources_of(loaded.config.scene), *(data.file for data in loaded.config.scene.data))
     yield f"{loaded.path}: ok"
-    yield f"wall: {len(wall.panels)} panels on {wall.width}x{wall.height} pixels, shown at {plan.view.refresh_hz:g} Hz"
+    yield _extent(plan)
     if len(plan.views) > 1:
         yield f"views: {'; '.join(map(_described, layout.config.views))}"
     if table := _displays(wall):
@@ -66,10 +66,22 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
     rate, size = measured_rate(plan)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
-        f"one core of this machine traces {si(rate).strip()} samples/s of rank {layout.renderers()[0]}'s region, "
-        f"{si(rate * size)}B/s ({size:.1f} bytes a sample)"
+        f"one core of this machine, if it only traces, traces {si(rate).strip()} samples/s of rank "
+        f"{layout.renderers()[0]}'s region, {si(rate * size)}B/s ({size:.1f} bytes a sample)"
     )
     yield from expected(layout, rate, size, os.cpu_count() or 1)
+
+
+def _extent(plan: Plan) -> str:
+    """The wall's size, rate and eye."""
+    wall, eye = plan.layout.wall, plan.view.eye
+    width, height = wall.lit_size
+    across = abs(float(wall.panels[0].plane.normal @ (eye - wall.panels[0].corners[0])))
+    return (
+        f"wall: {len(wall.panels)} panel{'s' * (len(wall.panels) > 1)} on {wall.width}x{wall.height} pixels, "
+        f"{width:.3g} x {height:.3g} m, shown at {plan.view.refresh_hz:g} Hz; the eye is {across:.3g} m before panel "
+        f"{wall.panels[0].id}, at ({', '.join(f'{x:.3g}' for x in eye)})"
+    )
 
 
 def launch_line(layout: Layout, cores: int) -> str:
@@ -201,12 +213,19 @@ def _displays(wall: Wall) -> Table | None:
     if not any(any(names) for _, *names in rows):
         return None
     table = Table(title="displays", title_justify="left")
-    for column in ("panel", "pixels", "host", "display", "monitor"):
+    for column in ("panel", "pixels", "host", "display", "monitor", "overlaps, m"):
         table.add_column(column)
     for panel, *names in rows:
         turned = f", turned {panel.config.rotation}" if panel.config.rotation else ""
-        table.add_row(panel.id, f"{panel.pixels[0]}x{panel.pixels[1]}{turned}", *names)
+        table.add_row(panel.id, f"{panel.pixels[0]}x{panel.pixels[1]}{turned}", *names, _overlapped(panel))
     return table
+
+
+def _overlapped(panel: Panel) -> str:
+    """How wide a panel and its neighbours light the same, and which edges it fades out."""
+    sides = {side: wide for side, wide in panel.config.overlap.model_dump().items() if wide}
+    fades = "" if panel.blend is None else ", blended"
+    return ", ".join(f"{side} {wide:.3g}" for side, wide in sides.items()) + fades * bool(sides)
 
 
 def measured_rate(plan: Plan) -> tuple[float, float]:

@@ -21,10 +21,11 @@ def expected(layout: Layout, rate: float, size: float, cores: int) -> Iterator[s
     threads = {rank: _threads(layout, rank) for rank in layout.renderers()}
     together, pixels = sum(threads.values()), sum(map(layout.area_of, layout.renderers()))
     here = rate * min(together, cores)
-    fewer = f"; {si(here).strip()} samples/s, {here / pixels:.2g} a pixel, on the {cores} cores here"
+    fewer = f"; {si(here).strip()} samples/s, {_few(here / pixels)} a pixel, on the {cores} cores here"
     yield (
-        f"expected of the wall: {si(rate * together).strip()} samples/s if each of {together} threads has a core like "
-        f"this one, {rate * together / pixels:.2g} a pixel and second" + fewer * (together > cores)
+        f"expected of the wall at most: {si(rate * together).strip()} samples/s if each of {together} threads has a "
+        f"core like this one, {_few(rate * together / pixels)} a pixel and second{fewer * (together > cores)}; "
+        "images of what moves are made on the same cores, and leave half of it or less"
     )
     if rate * together / pixels < FEW:
         yield (
@@ -59,6 +60,11 @@ def _into_compositors(layout: Layout, threads: dict[int, int], rate: float) -> I
                 f"note: rank {most} takes in {si(into[most])}B/s of {what}, more than the {si(LINK_BYTES_PER_S)}B/s of "
                 f"a 10 Gbit/s link{f' (so do {others} others)' * (others > 0)}: {remedy}"
             )
+
+
+def _few(value: float) -> str:
+    """Two digits, and no exponent."""
+    return f"{value:.2g}" if value < 100.0 else f"{value:.0f}"
 
 
 def _threads(layout: Layout, rank: int) -> int:

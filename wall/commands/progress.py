@@ -111,4 +111,13 @@ def show_summary(summary: dict[str, Any], out: Path) -> None:
     )
     if summary["dropped"]:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))
-    console.print(f"results in {out}/, logs of all ranks in {out}/log/")
+    console.print(f"results in {out}/{_without_images(out, summary['seconds'])}, logs of all ranks in {out}/log/")
+
+
+def _without_images(out: Path, seconds: float) -> str:
+    """A remark, if a run of so many seconds that just ended left no images in its folder."""
+    images = [out / "wall.png", *out.glob("panel-*.png")]
+    written = [path.stat().st_mtime for path in images if path.exists()]
+    if any(at > time.time() - seconds for at in written):
+        return ""
+    return " (its images are of an older run: no sink of this one writes files)" if written else " (no images)"

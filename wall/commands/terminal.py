@@ -9,7 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rich.console import Console
+from rich.cells import cell_len
+from rich.console import Console, RenderableType
+from rich.table import Table
 from rich.text import Text
 
 from wall.core.errors import ConfigError, EditError, WallError
@@ -40,11 +42,39 @@ class Terminal(Console):
         return super().render_str(spelled_out(text), **options)
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print, unless the output is gone or full."""
+        """Print, unless the output is gone or full. Tables that are too wide stand on edge, or as lists."""
+        parts = [part for each in objects for part in (self._fitting(each) if isinstance(each, Table) else [each])]
         try:
-            super().print(*objects, **options)
+            super().print(*parts, **options)
         except OSError:
             self.quiet = True
+
+    def _fitting(self, table: Table) -> list[RenderableType]:
+        """The table and its note: on edge where a word would be broken otherwise; as a list where that is too wide."""
+        rows = [[str(cell) for cell in column.cells] for column in table.columns]
+        note = [] if table.caption is None else [table.caption]
+        table.caption = None
+        edge, listed = (Table(title=table.title, title_justify="left", show_header=False) for _ in range(2))
+        for column, cells in zip(table.columns, rows, strict=True):
+            edge.add_row(str(column.header), *cells)
+        for line in zip(*rows, strict=True):
+            for column, cell in zip(table.columns, line, strict=True):
+                listed.add_row(str(column.header), cell)
+            listed.add_section()
+        fits = (each for each in (table, edge) if not self._breaks(each))
+        return [next(fits, listed) if rows and rows[0] else table, *note]
+
+    def _breaks(self, table: Table) -> bool:
+        """Whether a word has no room; else every column has the room of its longest, and a share of what is left."""
+        texts = [[str(column.header), *map(str, column.cells)] for column in table.columns]
+        widest = [max(cell_len(line) for text in texts_ for line in text.splitlines() or [""]) for texts_ in texts]
+        words = [max((cell_len(word) for text in texts_ for word in text.split()), default=1) for texts_ in texts]
+        borders = 3 * len(texts) + 1
+        missing, left = sum(widest) + borders - self.width, self.width - sum(words) - borders
+        if missing > 0 <= left:
+            for column, wide, word in zip(table.columns, widest, words, strict=True):
+                column.width = word + left * (wide - word) // (sum(widest) - sum(words))
+        return left < 0
 
     def on_broken_pipe(self) -> None:
         """The reader of the output has ended: what is left in Python's buffer has nowhere to go either."""

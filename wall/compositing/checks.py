@@ -113,6 +113,22 @@ def check_windows_are_apart(graph: Graph, config: NodeGraph, wall: Wall, refusal
             refusals.add(node, ["input"], came, f"panels without a window on the same rank, or no {other}")
 
 
+def notes_of_hosts(graph: Graph, wall: Wall) -> tuple[str, ...]:
+    """A note where panels of several hosts have their windows on one rank: all but one open on the wrong machine."""
+    hosts: dict[int, set[str]] = {}
+    for step in graph.steps:
+        if isinstance(step.node, SinkNode) and step.node.kind == "window":
+            names = {wall.panels[k].config.host for k in step.panels} - {None}
+            hosts.setdefault(step.rank, set()).update(name for name in names if name is not None)
+    named = {panel.config.host for panel in wall.panels} - {None}
+    return tuple(
+        f"graph: windows of panels on {', '.join(sorted(found))} all open where rank {rank} runs; each host opens its "
+        f"own with graph: {{compositors: {len(named)}}}"
+        for rank, found in hosts.items()
+        if len(found) > 1
+    )
+
+
 def check_balance_fits(loaded: Loaded, graph: Graph, wall: Wall) -> None:
     """Refuse `balance` where borders cannot move. Raises ConfigError."""
     if not graph.balanced:

@@ -129,7 +129,7 @@ def default_for_model(path: str | Path) -> Loaded:
     path = Path(path)
     values = {
         "version": VERSION,
-        "scene": {"source": path.name or str(path)},
+        "scene": {"source": path.name or str(path)} | ({"ground": True} if path.suffix else {}),
         "wall": {"grid": {"columns": 2, "rows": 2, "pixels": [480, 270], "size": [0.48, 0.27], "bezel": 0.006}},
         "views": [{"id": "main", "camera": "auto", "path": {"type": "orbit", "period_s": 20.0}, "refresh_hz": 30.0}],
     }
@@ -146,7 +146,7 @@ def with_scene(loaded: Loaded, source: str | Path) -> Loaded:
         path = view.path if isinstance(view.path, OrbitPathConfig) else OrbitPathConfig(type="orbit")
         views.append(view.model_copy(update={"camera": camera, "path": path}))
     try:
-        scene = SceneConfig(source=text)
+        scene = SceneConfig(source=text, ground=bool(file.suffix))
     except ValidationError:
         raise ConfigError(f"{text!r} is not a scene; accepted: a name or a model file") from None
     loaded = replace(loaded, scene_named=f"--scene {source}")

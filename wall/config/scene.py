@@ -280,6 +280,9 @@ class SceneConfig(Model):
     )
     sky: SkyConfig | None = Field(default=None, description="sky; absent = the source's own, or a blue one")
     environment: EnvironmentConfig | None = Field(default=None, description="an image in place of the sky")
+    ground: bool = Field(
+        default=False, description="a grey ground under the lowest point of everything, for models that bring none"
+    )
     animation: Annotated[tuple[AnimationConfig, ...], Field(max_length=10000)] | None = Field(
         default=None, description="motion, and parameters over time; absent = the source's own, [] = nothing moves"
     )

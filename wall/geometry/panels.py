@@ -133,6 +133,16 @@ class Wall:
         return replace(self, panels=tuple(p for p in self.viewports if p.view == view), insets=(), of_layers=())
 
     @property
+    def lit_size(self) -> tuple[float, float]:
+        """Metres: the mean width of what is lit, overlaps once, and its area over that; curved panels as flat ones."""
+        corners = [panel.lit for panel in self.panels]
+        area = sum(float(np.linalg.norm(np.cross(c[1] - c[0], c[2] - c[0]))) for c in corners)
+        area -= sum(overlap.size[0] * overlap.size[1] for overlap in self.overlaps)
+        heights = np.concatenate([[*c[:, 1], c[1, 1] + c[2, 1] - c[0, 1]] for c in corners])
+        width = area / max(float(np.ptp(heights)), 1e-9)
+        return width, area / width
+
+    @property
     def flat(self) -> bool:
         """Whether all panels lie in one plane (to a millionth of the wall's size) and face the same way."""
         if any(panel.surface is not None for panel in self.panels):

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wall.compositing.build import build
+from wall.compositing.checks import notes_of_hosts
 from wall.compositing.graph import Graph, Layer
 from wall.compositing.placement import AT_RENDERER
 from wall.config.graph import NodeGraph, SinkNode
@@ -164,8 +165,8 @@ class Plan:
 def make_layout(loaded: Loaded) -> Layout:
     """Everything that can be refused before a scene is loaded. Raises ConfigError."""
     wall = with_views(loaded, wall_of(loaded))
-    notes = check_wall(loaded, wall)
-    graph = build(loaded, wall)
+    noticed, graph = check_wall(loaded, wall), build(loaded, wall)
+    notes = (*noticed, *notes_of_hosts(graph, wall))
     wall = graph.with_panels_of_layers(wall)
     strips = graph.strips(wall) if graph.balanced else None
     layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes, strips=strips)

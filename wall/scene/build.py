@@ -20,6 +20,7 @@ from wall.scene.area_lights import emitting
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.cuts import cuts_of
 from wall.scene.environment import read_environment
+from wall.scene.ground import ground
 from wall.scene.lights import STUDIO_SKY, configured_light, default_lights
 from wall.scene.materials import described, with_materials
 from wall.scene.model import (
@@ -226,6 +227,7 @@ def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Sourc
             base_folder / wanted.file, rotation=wanted.rotation, strength=wanted.strength
         )
         source = replace(source, environment=environment, notes=(*source.notes, *notes))
+    source = replace(source, ground=config.ground)
     if config.animation is not None:
         source = replace(source, animation=config.animation, motions=())
     return source
@@ -248,8 +250,14 @@ def assemble(source: Source) -> Scene:
     bodies: tuple[Light, ...] = (*points, *spots, *directional)
     areas = tuple(light for light in lights if isinstance(light, AreaLight))
     meshes, materials, emitters = emitting(lights, len(source.meshes), len(source.materials))
-    center, radius = framing_sphere(source.meshes, at_once(source.instances, source.series))
+    there = at_once(source.instances, source.series)
+    center, radius = framing_sphere(source.meshes, there)
     instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances) + emitters
+    if source.ground:
+        low = float(world_boxes(source.meshes, there)[:, 0, 1].min())
+        counts = {"mesh": len(source.meshes + meshes), "material": len(source.materials + materials)}
+        mesh, material, instance = ground(low, center, radius, **counts)
+        meshes, materials, instances = (*meshes, mesh), (*materials, material), (*instances, instance)
     return Scene(
         meshes=tuple(replace(mesh, origin=(0.0, 0.0, 0.0)) for mesh in source.meshes) + meshes,
         materials=source.materials + materials,

@@ -234,6 +234,7 @@ class Source:
     cameras: tuple[NamedCamera, ...] = ()
     path_depth: int | None = None  # most surfaces that scatter a path; None: direct light alone
     occlusion: AmbientOcclusion | None = None  # paths of one surface, and no light that is followed
+    ground: bool = False  # one is laid under everything
     notes: tuple[str, ...] = ()  # each repair or assumption, for a reader
 
 

@@ -20,7 +20,7 @@ def check_installed(command: str, needed: Mapping[str, str]) -> None:
     """Raises RunError where packages are not installed; `needed`: their names by module."""
     missing = [name for module, name in needed.items() if find_spec(module) is None]
     if missing:
-        raise RunError(f"{command} needs {', '.join(missing)}: pip install '.[measure]' in the clone")
+        raise RunError(f"{command} needs {', '.join(missing)}: pip install -e '.[measure]' in the clone")
 
 
 def check_files(configs: Iterable[Path]) -> None:

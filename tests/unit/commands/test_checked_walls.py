@@ -91,6 +91,19 @@ def test_wall_without_named_displays_has_no_table_of_them(tmp_path: Path) -> Non
     assert all(isinstance(item, str) for item in first)
 
 
+def test_windows_that_open_on_another_host_than_their_panel_s_are_noted(tmp_path: Path) -> None:
+    text = CONFIG.replace("      rotation: 90\n", "      host: node2\n")
+    alone = make_layout(load(written(tmp_path, text + "graph: {preset: sort-first, sinks: [window]}\n")))
+    assert [note for note in alone.notes if "on node1, node2 all open where rank 0 runs" in note] != []
+    both = make_layout(load(written(tmp_path, text + "graph: {preset: sort-first, sinks: [window], compositors: 2}\n")))
+    assert [note for note in both.notes if note.startswith("graph: windows")] == []
+
+
+def test_the_size_of_a_wall_counts_what_two_panels_light_once(tmp_path: Path) -> None:
+    lines = check(load(written(tmp_path, CONFIG)))
+    assert ", 0.75 x 0.3 m, shown at 60 Hz; the eye is " in [next(lines), next(lines)][1]
+
+
 def test_wall_that_is_wrong_is_refused_before_its_scene_is_loaded(tmp_path: Path) -> None:
     path = written(tmp_path, CONFIG.replace("courtyard", "nowhere.glb").replace("overlap: 0.05", "overlap: 0.01"))
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
 from wall.commands import progress
@@ -23,3 +26,11 @@ def test_an_address_stays_whole_and_one_with_a_token_is_on_no_command_line(
     assert seen == opened
     assert address in said.out
     assert address in said.err
+
+
+def test_the_end_of_a_run_says_that_images_in_its_folder_are_of_an_older_one(tmp_path: Path) -> None:
+    assert progress._without_images(tmp_path, 5.0) == " (no images)"
+    (tmp_path / "panel-a.png").touch()
+    assert progress._without_images(tmp_path, 5.0) == ""
+    os.utime(tmp_path / "panel-a.png", (1e9, 1e9))
+    assert "older run" in progress._without_images(tmp_path, 5.0)

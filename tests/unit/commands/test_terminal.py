@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import pytest
+from rich.table import Table
 
-from wall.commands.terminal import load_config, print_notes
+from wall.commands.terminal import Terminal, load_config, print_notes
 from wall.core.errors import ConfigError
 from wall.roles.plan import make_layout, make_plan
 
@@ -25,6 +27,22 @@ def test_notes_of_a_model_are_printed_by_rank_0_alone(
     monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "2")
     print_notes(plan)
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(4, 3), (7, 2), (14, 2), (14, 30)])
+def test_no_word_of_a_table_is_broken_on_a_narrow_terminal(columns: int, rows: int) -> None:
+    table = Table(title="a table", caption="a note " * 20)
+    for k in range(columns):
+        table.add_column(f"column{k}")
+    for k in range(rows):
+        table.add_row(*[f"{k}.{n} reconstruction" for n in range(columns)])
+    page = io.StringIO()
+    Terminal(file=page, width=80).print(table)
+    printed = page.getvalue()
+    assert max(map(len, printed.splitlines())) <= 80
+    assert "…" not in printed
+    assert printed.count("reconstruction") == columns * rows
+    assert all(f"column{k}" in printed and f"{rows - 1}.{k}" in printed for k in range(columns))
 
 
 @pytest.mark.parametrize("as_scene", [True, False])

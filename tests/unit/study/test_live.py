@@ -96,7 +96,8 @@ def test_windows_that_a_measurement_leaves_out_are_named(tmp_path: Path):
     assert left_out(path) == "", "windows show the images as they are"
 
     path.write_text(path.read_text().replace("0.4, 0.3]", "0.4, 0.3], overlap: 0.05, blend: auto"))
-    assert "without blend" in left_out(path) and "p0, p1 travel to a compositor" in left_out(path)
+    assert "without blend" in left_out(path)
+    assert "p0, p1 travel to a compositor" in left_out(path)
 
     path.write_text(threads.replace("0.4, 0.3]", "0.4, 0.3], overlap: 0.05, blend: auto"))
     assert left_out(path) == "", "samples of two threads travel anyway"

@@ -98,7 +98,7 @@ def passing(a: Float64, b: Float64) -> float:
 def _mitsuba() -> tuple[Any, str]:
     """Mitsuba's module and the variant chosen: LLVM where there is one, else the scalar one."""
     if find_spec("mitsuba") is None:
-        raise RunError("wall measure reference needs mitsuba: pip install '.[measure]' in the clone")
+        raise RunError("wall measure reference needs mitsuba: pip install -e '.[measure]' in the clone")
     library = libllvm()
     if library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = library

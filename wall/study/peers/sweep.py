@@ -84,7 +84,7 @@ def sweep(wanted: Wanted, watch: Watch) -> Outcome:
     absent, outcome = missing(wanted.renderers), Outcome(rows=[], failures=[], notes=[])
     if absent:
         packages = ", ".join(dict.fromkeys(absent.values()))
-        outcome.notes.append(f"left out, not installed: {packages}; pip install '.[peers]' in the clone")
+        outcome.notes.append(f"left out, not installed: {packages}; pip install -e '.[peers]' in the clone")
     for config in wanted.configs:
         folder = wanted.out / f"{config.stem}-{wanted.size[0]}x{wanted.size[1]}"
         folder.mkdir(parents=True, exist_ok=True)

@@ -91,10 +91,7 @@ def of_plan(plan: Plan) -> Target:
     """A configuration's wall, as its first view's eye sees it."""
     wall, view = plan.layout.wall, plan.view
     separation = plan.layout.config.views[0].eye_separation
-    lit = [panel.lit for panel in wall.panels]
-    every = np.concatenate([_corners(corners) for corners in lit])
-    areas = [float(np.linalg.norm(np.cross(c[1] - c[0], c[2] - c[0]))) for c in lit]
-    width = sum(areas) / max(float(np.ptp(every[:, 1])), 1e-9)
+    width, height = wall.lit_size
     found = []
     for panel in wall.panels:
         eye = eye_of(panel, np.asarray(view.eye), separation)
@@ -102,15 +99,9 @@ def of_plan(plan: Plan) -> Target:
     distance, pitch = min(found, key=lambda pair: pair[0] / pair[1])  # whose pixels look largest
     return Target(
         name=plan.layout.loaded.path.stem, pixels=float(sum(p.pixels[0] * p.pixels[1] for p in wall.panels)),
-        width_m=width, height_m=sum(areas) / width, distance_m=distance, dpi=INCH_M / pitch,
+        width_m=width, height_m=height, distance_m=distance, dpi=INCH_M / pitch,
         refresh_hz=view.refresh_hz, panels=len(wall.panels), source=str(plan.layout.loaded.path),
     )  # fmt: skip
-
-
-def _corners(corners: Float64) -> Float64:
-    """(4, 3) of the three that a panel has."""
-    found: Float64 = np.vstack([corners, corners[1] + corners[2] - corners[0]])
-    return found
 
 
 def _distance(panel: Panel, eye: Float64) -> float:

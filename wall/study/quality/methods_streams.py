@@ -28,7 +28,7 @@ H264_METHODS = {  # x264's rate factor and colour
     "stream_h264": (18, "yuv420p"),  # what hardware decodes, said to look lossless
     "stream_h264_fine": (8, "yuv444p"),  # loses no more than the image lacks already
 }
-NO_H264 = "needs PyAV, which is not installed: pip install '.[measure]' in the clone"
+NO_H264 = "needs PyAV, which is not installed: pip install -e '.[measure]' in the clone"
 
 
 class StreamMethod:
