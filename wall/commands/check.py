@@ -10,7 +10,7 @@ from rich.table import Table
 
 from wall.commands.costs import costs_of, left_out, table_of
 from wall.commands.expectations import expected
-from wall.commands.fields import fields_of_packets
+from wall.commands.fields import fields_of_packets, name_of
 from wall.commands.terminal import si
 from wall.config.loading import Loaded
 from wall.config.views import ViewConfig
@@ -159,7 +159,7 @@ def layers_apart(layout: Layout) -> Iterator[str]:
             shown = layout.config.views[layer.view].refresh_hz
             said.append(f"reconstructed at {layer.refresh_hz:g} Hz, and moved to the {shown:g} Hz of its view")
         if said:
-            yield f"layer {layer.node}: {'; '.join(said)}"
+            yield f"layer {name_of(layout, layer)}: {'; '.join(said)}"
 
 
 def on_the_cpu(layout: Layout) -> Iterator[str]:
@@ -167,7 +167,7 @@ def on_the_cpu(layout: Layout) -> Iterator[str]:
     found: dict[tuple[str, ...], list[str]] = {}
     for layer in layout.graph.layers:
         if more := layout.graph.beyond_bytes(layer):
-            found.setdefault(more, []).append(layer.node)
+            found.setdefault(more, []).append(name_of(layout, layer))
     for more, names in found.items():
         beyond = ", ".join(more)
         yield f"reconstruction: cpu for {_some(names)}, of which the graph needs more than display bytes: {beyond}"
@@ -177,7 +177,7 @@ def at_renderers(layout: Layout) -> Iterator[str]:
     """Lines about which layers their renderers reconstruct, and why others' samples travel."""
     found: dict[str, list[str]] = {}
     for layer in layout.graph.layers:
-        found.setdefault(why_not_at_renderer(layout, layer), []).append(layer.node)
+        found.setdefault(why_not_at_renderer(layout, layer), []).append(name_of(layout, layer))
     for why, names in found.items():
         if why:
             yield f"reconstruction: samples of {_some(names)} travel to a compositor: {why}"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from wall.compositing.graph import Layer
+from wall.config.graph import NodeGraph
 from wall.packets.plain_body import bytes_a_sample
-from wall.roles.plan import Plan
+from wall.roles.plan import Layout, Plan
 from wall.scene.needs import needs
 
 MOST_NAMES = 8  # of layers in a line
@@ -17,10 +18,20 @@ def fields_of_packets(plan: Plan) -> Iterator[str]:
     found: dict[str, list[str]] = {}
     for layer in plan.layout.graph.layers:
         adaptive = plan.layout.sampling_of(layer.view).method == "adaptive"
-        found.setdefault(_adaptive(plan, layer) if adaptive else _plain(plan, layer), []).append(layer.node)
+        found.setdefault(_adaptive(plan, layer) if adaptive else _plain(plan, layer), []).append(
+            name_of(plan.layout, layer)
+        )
     for fields, names in found.items():
         more = f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES)
         yield f"packets of {', '.join(names[:MOST_NAMES])}{more}: {fields}"
+
+
+def name_of(layout: Layout, layer: Layer) -> str:
+    """What a layer is called: by its node where the configuration names nodes, else by the panel that it shows."""
+    if isinstance(layout.config.graph, NodeGraph):
+        return layer.node
+    share = "" if layer.range is None else f", objects {layer.range[0]:.0%} to {layer.range[1]:.0%}"
+    return layout.wall.viewports[layer.panel].id + share
 
 
 def _plain(plan: Plan, layer: Layer) -> str:

@@ -57,7 +57,8 @@ class StartProgress:
     def say(self, line: str) -> None:
         """Show a stage, or a line that begins with `note: `."""
         if not errors.is_terminal or line.startswith("note: "):
-            errors.print(f"  {line}", soft_wrap="://" in line)  # an address in two lines is none
+            style = "red" if line.startswith("note: refused") else None
+            errors.print(f"  {line}", soft_wrap="://" in line, style=style)  # an address in two lines is none
         if line.startswith("starting "):
             self._stop()  # the bar's thread must not exist when processes are forked
         if line.startswith(("starting ", "note: ")):
@@ -107,7 +108,7 @@ def show_summary(summary: dict[str, Any], out: Path) -> None:
     console.print(
         f"traced {si(summary['samples_traced'])} samples, shown {si(summary['samples_shown'])}; "
         f"{si(summary['packets'])} packets, {si(summary['bytes'])}B; "
-        + (f"input to picture {p50:.1f} ms median, {p95:.1f} p95, {p99:.1f} p99" if p99 else "no input came")
+        + (f"change to picture {p50:.1f} ms median, {p95:.1f} p95, {p99:.1f} p99" if p99 else "nothing changed")
     )
     if summary["dropped"]:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))

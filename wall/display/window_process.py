@@ -263,7 +263,8 @@ def _init(panel: str, display: str) -> None:
             if time.monotonic() > limit:
                 raise RunError(
                     f"panel {panel}: display {display} cannot be opened ({_text(error)}); wanted an X server that is "
-                    f"running and lets this user in (XAUTHORITY: {os.environ.get('XAUTHORITY', 'not set')})"
+                    f"running, has that screen (:0.1 is the second one of :0) and lets this user in (XAUTHORITY: "
+                    f"{os.environ.get('XAUTHORITY', 'not set')})"
                 ) from error
         time.sleep(0.1)
 

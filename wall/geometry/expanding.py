@@ -73,7 +73,9 @@ def grid_panels(grid: GridConfig, *, skip: bool) -> tuple[PanelConfig, ...]:
 def _grid_panel(grid: GridConfig, drawn: Raster, row: int, column: int, *, skip: bool) -> PanelConfig:
     (w, h), (x, y) = drawn.pixels, (column * drawn.step[0], row * drawn.step[1])
     frame = grid.bezel if skip else SidesConfig()
-    shared = [(drawn.pixels[k] - drawn.step[k]) * drawn.pitch[k] if grid.overlap[k] else 0.0 for k in range(2)]
+    shared = [
+        round((drawn.pixels[k] - drawn.step[k]) * drawn.pitch[k], 9) if grid.overlap[k] else 0.0 for k in range(2)
+    ]
     inner = _inner(grid, row, column)
     return PanelConfig(
         id=grid.panel_id(row, column),

@@ -169,7 +169,7 @@ class Reloading:
         yield from self._asked.answer(edit=edit)
 
     def _refuse(self, why: str) -> Iterator[Instruction]:
-        self._stage, self.said = Stage.NONE, why
+        self._stage, self.said = Stage.NONE, f"refused, nothing has changed: {why}"
         yield from self._asked.answer(why)
 
 

@@ -76,7 +76,7 @@ def test_good_text_loads() -> None:
         (
             "source: courtyard",
             "sorce: x",
-            "scene.sorce: unknown key; accepted: source, data, up, materials, lights, sky, environment, animation, "
+            "scene.sorce: unknown key; accepted: source, data, up, materials, lights, sky, environment, ground, animation, "
             "integrator, cuts; did you",
         ),
         (

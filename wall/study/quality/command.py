@@ -12,10 +12,9 @@ from wall.study.options import cores_of as cores_of
 from wall.study.quality.methods import METHODS
 from wall.study.quality.methods_streams import absent
 from wall.study.quality.methods_tapestry import METHODS as TAKE_HOURS
+from wall.study.quality.requirements import BESIDE_SCENES, SCENES
 from wall.study.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
-SCENES = ("orbit", "shadows", "light", "mirrors")
-BESIDE_SCENES = ("walk", "jerky", "cuts", "bounce", "metal", "lamps")  # measured only if asked for; the last of paths
 SCENES_FOLDER = PACKAGE.parent / "configs" / "measure"
 FASTEST_RATE = 1e9
 NEEDED = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image", "matplotlib": "matplotlib"}

@@ -13,7 +13,7 @@ from typing import Any
 
 import rich.table
 
-from wall.study.quality.requirements import verdicts
+from wall.study.quality.requirements import BESIDE_SCENES, SCENES, verdicts
 from wall.study.quality.rows import Row
 from wall.study.quality.summary import (
     OURS,
@@ -88,7 +88,9 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     """Every table that rows of one clock and size have anything for; requirements are the last."""
     if not rows:
         return []
-    found = [errors_table(rows), *ratio_tables(rows), equal_table(rows), *wire_tables(rows), requirements_table(rows)]
+    found = [errors_table(rows), *ratio_tables(rows), equal_table(rows), *wire_tables(rows)]
+    if set(scenes(rows)) <= {*SCENES, *BESIDE_SCENES}:  # what is required holds for these
+        found.append(requirements_table(rows))
     return [table for table in found if table.lines]
 
 
