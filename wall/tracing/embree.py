@@ -238,9 +238,9 @@ class Device:
         _library.rtcSetGeometryInstancedScene(geometry, mesh)
         _library.rtcCommitGeometry(geometry)
 
-    def hide(self, geometry: Handle) -> None:
-        """Let every ray pass an instance, once its scene is committed."""
-        _library.rtcSetGeometryMask(geometry, 0)
+    def mask(self, geometry: Handle, mask: int) -> None:
+        """Let rays without a bit of the mask pass an instance, once its scene is committed; 0: all rays."""
+        _library.rtcSetGeometryMask(geometry, mask)
         _library.rtcCommitGeometry(geometry)
 
     def commit(self, scene: Handle) -> None:

@@ -38,6 +38,7 @@ class InstanceTrees:
         self._handles = self._device.handles()
         self._geometries = np.zeros(n, np.intp)
         self._singular = np.zeros(n, np.bool_)
+        self._hidden = np.zeros(n, np.bool_)
         self._moves_apart = np.zeros(n, np.bool_)
         self.trees = Trees(self._device.tree(self._handles), 0, np.zeros(0, np.uint32))
         animated = tracer_scene.scene.animated_objects
@@ -84,12 +85,13 @@ class InstanceTrees:
         if goes_over:
             for k in begun.tolist():
                 self._device.show(int(self._geometries[k]), self._tracer_scene.meshes[k])  # a step's would be kept
-                self._device.hide(int(self._geometries[k]))
+                self._device.mask(int(self._geometries[k]), 0)
             self._move_apart(begun)
         self._place(moment.world_from_object, rows)
         self._build(rest=len(begun) > 0)
 
     def _place(self, world_from_object: Float64, rows: NDArray[np.intp]) -> None:
+        self._hide(rows, ~world_from_object[rows, :3, :3].any(axis=(1, 2)))
         place_instances(
             world_from_object,
             self._origin,
@@ -102,6 +104,12 @@ class InstanceTrees:
             OFFSET_ULPS,
         )
         self.placed += len(rows)
+
+    def _hide(self, rows: NDArray[np.intp], hidden: NDArray[np.bool_]) -> None:
+        """Let rays pass what has no extent: under a matrix of zeros they would visit a mesh's whole tree."""
+        for k in rows[hidden != self._hidden[rows]].tolist():
+            self._device.mask(int(self._geometries[k]), int(self._masks[k]) if self._hidden[k] else 0)
+        self._hidden[rows] = hidden
 
     def _build(self, *, rest: bool) -> None:
         for tree in (self.trees.at_rest if rest else 0, self.trees.moving):
@@ -116,7 +124,7 @@ class InstanceTrees:
         first, moving = len(self.trees.objects), self.trees.moving or self._device.tree(self._handles)
         for number, k in enumerate(rows.tolist(), start=first):
             self._geometries[k] = self._instance(moving, number, k)
-        self._moves_apart[rows] = True
+        self._moves_apart[rows], self._hidden[rows] = True, False
         objects = np.concatenate([self.trees.objects, rows.astype(np.uint32)])
         self.trees = self.trees._replace(moving=moving, objects=objects)
 

@@ -76,8 +76,8 @@ def test_good_text_loads() -> None:
         (
             "source: courtyard",
             "sorce: x",
-            "scene.sorce: unknown key; accepted: source, data, up, materials, lights, sky, environment, ground, animation, "
-            "integrator, cuts; did you",
+            "scene.sorce: unknown key; accepted: source, data, up, materials, lights, sky, environment, ground, "
+            "animation, integrator, cuts; did you",
         ),
         (
             "source: courtyard",

@@ -66,6 +66,28 @@ def test_an_event_places_only_what_moved_and_builds_nothing_where_nothing_did() 
     assert done(one, SEEN.event) == (every, 1)
 
 
+@pytest.mark.parametrize("apart", [False, True])
+def test_rays_pass_what_is_hidden_without_a_look_at_its_mesh(apart: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under a matrix of zeros every ray visited every triangle: hiding a large model stopped its renderer."""
+    masks: list[tuple[int, int]] = []
+    own = embree.Device.mask
+    monkeypatch.setattr(
+        embree.Device, "mask", lambda self, of, mask: (masks.append((of, mask)), own(self, of, mask))[1]
+    )
+    if apart:
+        monkeypatch.setattr(instance_trees, "LEAST_APART", 2)
+    one = tracer()
+    done(one, SEEN.event)
+    before = image_of(one, SEEN)
+    for number, hidden in enumerate([True, True, False, True, False], start=1):
+        masks.clear()
+        values = (("objects.ball.visible", (0.0,)), *NEXT[: number % 2]) if hidden else ()
+        done(one, replace(SEEN.event, scene_event=number, edits=Edits(number=number, values=values)))
+        ball = int(one.instances._geometries[BALL - 1])
+        assert [mask for geometry, mask in masks if geometry == ball] in ([[0], []] if hidden else [[1], [2**32 - 1]])
+    assert (image_of(one, SEEN).radiance == before.radiance).all()
+
+
 def test_of_many_the_one_that_moves_goes_over_to_a_tree_of_its_own_once(parted: None) -> None:
     one = tracer()
     done(one, SEEN.event)
