@@ -41,8 +41,9 @@ class Run:
         self.sent: list[tuple[int | None, Message]] = []  # to which rank, None: to all
 
     def tell(self, *messages: Input, after: float = 0.0) -> list[tuple[int | None, Message]]:
-        """Give it messages and a tick. Returns what it says to that."""
+        """Give it messages and a tick, after a time in which it listened. Returns what it says to that."""
         self.now += after
+        self.manager.register._watched = self.now
         before = len(self.sent)
         for message in messages:
             self._keep(self.manager.on_message(message, self.now))

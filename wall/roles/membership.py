@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from wall.config.schema import TransportConfig
 from wall.packets.control import Heartbeat, Hello, Membership
@@ -18,6 +18,7 @@ from wall.roles.plan import HEAD
 
 GATHER_S = 0.05  # ranks that join within so long are told of together
 REPEAT_S = 2.0  # membership is said again
+PAUSE_S = 0.5  # the manager never waits so long by itself: what it did not listen to then is no silence
 NOT_YET = "has not come yet"  # how a place is lost that is new
 MOST_NOTES = 256  # that wait to be told; of more the newest
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a message of the manager, then a rank ends itself
@@ -42,6 +43,7 @@ class Register:
         self._absent: dict[int, float] = {}  # ranks that are not heard of any more: since when
         self._marked_s: dict[int, float] = {}  # by rank: for how long that was so before
         self._due = math.inf  # when the list is to be broadcast
+        self._watched = now
 
     def give_away(self, rank: int) -> None:
         """Another process is to have the place of a lost rank, or a new one; until it says Hello that is nobody's."""
@@ -71,10 +73,14 @@ class Register:
         """Whether nobody is to be expected in a place: its process has ended."""
         return rank in self._died
 
-    @property
-    def missed(self) -> dict[int, str]:
-        """Ranks of the configuration that are lost: how. Other threads may ask."""
-        return {rank: how for rank, how in self.lost.copy().items() if rank < self._size}
+    def missed(self, heartbeats: Mapping[int, Heartbeat]) -> dict[int, str]:
+        """Ranks of the configuration that are lost: how. Other threads may ask.
+
+        One that was only silent is not, if its newest heartbeat says that it ended in order.
+        """
+        ended = {rank for rank, beat in heartbeats.items() if beat.last}
+        lost = ((rank, how) for rank, how in self.lost.copy().items() if rank < self._size)
+        return {rank: how for rank, how in lost if not (how.startswith("silent") and rank in ended)}
 
     def take(self, hello: Hello, now: float) -> bool:
         """Add a rank, or replace an earlier incarnation of it. Returns whether it takes the place of one that died."""
@@ -118,7 +124,10 @@ class Register:
         self._coming = self._coming | {death.rank} if death.again else self._coming - {death.rank}
 
     def watch(self, now: float, transport: TransportConfig) -> None:
-        """Notice ranks that fell silent, or speak again."""
+        """Notice ranks that fell silent, or speak again; after a pause of the manager their messages still wait."""
+        pause, self._watched = now - self._watched, now
+        if pause > PAUSE_S:
+            self._heard = {rank: min(heard + pause, now) for rank, heard in self._heard.items()}
         late, marked_after_s = set[int](), transport.marked_after_s
         for rank, heard in self._heard.items():
             silence = now - heard

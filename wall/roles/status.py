@@ -222,7 +222,7 @@ def summary_of(
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.register.silences.items())},
         "stale_s": {str(rank): round(s, 2) for rank, s in manager.register.marked_s(now).items()},
         "restarts": {str(rank): how for rank, how in sorted(manager.register.restarts.items())},
-        "lost": {str(rank): how for rank, how in sorted(manager.register.missed.items())},
+        "lost": {str(rank): how for rank, how in sorted(manager.register.missed(beats).items())},
         "views": [_view_summary(plan, k, list(beats.values())) for k in range(len(plan.views))],
         "configurations": manager.configurations,
         "scene": {

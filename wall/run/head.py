@@ -294,7 +294,8 @@ class HeadProcess:
     @property
     def _failed(self) -> str:
         """What went wrong so far: ranks that are missed, and failures here; "" if nothing did."""
-        missed = self._manager.register.missed if self._manager is not None else {}
+        manager = self._manager
+        missed = manager.register.missed(manager.heartbeats.copy()) if manager is not None else {}
         return "; ".join([*(f"rank {rank} {how}" for rank, how in sorted(missed.items())), *self.failures])
 
 

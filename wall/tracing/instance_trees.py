@@ -91,7 +91,7 @@ class InstanceTrees:
         self._build(rest=len(begun) > 0)
 
     def _place(self, world_from_object: Float64, rows: NDArray[np.intp]) -> None:
-        self._hide(rows, ~world_from_object[rows, :3, :3].any(axis=(1, 2)))
+        self._hide(rows, np.asarray(~world_from_object[rows, :3, :3].any(axis=(1, 2))))
         place_instances(
             world_from_object,
             self._origin,

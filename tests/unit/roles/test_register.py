@@ -61,6 +61,28 @@ def test_rank_that_never_spoke_is_silent_from_the_start_and_lost_until_it_speaks
     assert run.manager.register.silences == {2: limit + 0.5}
 
 
+def test_what_the_manager_did_not_listen_to_is_no_silence(elsewhere: Plan) -> None:
+    """A machine that stood still for 9 s, manager and all: what ranks said meanwhile waits to be taken in."""
+    run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
+    run.tell(hello(1), hello(2), *run.beats(1, 2), after=1.0)
+    for step in (9.0, 0.1, 0.1, 9.0):
+        run.now += step
+        list(run.manager.on_tick(run.now))
+        assert run.manager.lost == {}
+    run.tell(*run.beats(1), after=limit)
+    assert run.manager.lost.keys() == {2}
+
+
+def test_a_rank_that_was_silent_and_then_ended_in_order_is_not_missed(elsewhere: Plan) -> None:
+    run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
+    run.tell(hello(1), hello(2), *run.beats(1, 2), after=1.0)
+    run.tell(after=limit + 0.5)
+    assert run.manager.register.missed(run.manager.heartbeats).keys() == {1, 2}
+    for beat in run.beats(2, last=True):
+        list(run.manager.on_message(beat, run.now))
+    assert run.manager.register.missed(run.manager.heartbeats).keys() == {1}
+
+
 def test_silent_renderers_end_no_run_before_a_minute_and_dead_ones_at_once(elsewhere: Plan) -> None:
     run = Run(elsewhere)
     run.tell(*run.beats(1), after=SILENT_S)
