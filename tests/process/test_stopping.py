@@ -252,3 +252,23 @@ def test_wrong_number_of_ranks_is_refused_with_the_right_one(tmp_path: Path) -> 
     assert "2 ranks were launched, the configuration needs 3: 1 head + 2 renderers" in done.stderr
     assert "mpirun -n 3" in done.stderr
     assert done.stderr.count("ranks were launched") == 1
+
+
+def test_a_second_wall_with_the_same_results_or_recording_is_refused_and_the_first_goes_on(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
+) -> None:
+    config, out, record = write_config(tmp_path), tmp_path / "OUT", tmp_path / "run.events"
+    first = running("run", config, "--headless", "--out", out, "--record", record)
+    renderers(first)
+    control = (out / "control.json").read_text()
+    second = wall("run", config, "--headless", "--seconds", 1, "--out", out)
+    assert second.returncode == 1
+    assert f"another wall writes its results there (process {first.pid}" in " ".join(second.stderr.split())
+    third = wall("run", config, "--headless", "--seconds", 1, "--out", tmp_path / "other", "--record", record)
+    assert third.returncode == 2
+    assert "a run is recorded there already" in " ".join(third.stderr.split())
+    assert first.poll() is None
+    assert (out / "control.json").read_text() == control
+    os.kill(first.pid, signal.SIGINT)
+    first.wait(STOP_LIMIT_S)
+    assert wall("run", config, "--headless", "--seconds", 1, "--out", out).returncode == 0

@@ -7,6 +7,7 @@ it. It is there as long as the wall runs.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import secrets
@@ -39,21 +40,45 @@ def new_key() -> str:
 
 @contextmanager
 def announced(folder: Path, control: Control) -> Iterator[None]:
-    """While inside, `folder` has the file. Raises RunError where it cannot be written."""
+    """While inside, `folder` has the file. Raises RunError where it cannot be written, or is another wall's."""
     path, part = folder / NAME, folder / f".{NAME}.{os.getpid()}"
+    check_free(folder)
     try:
         part.unlink(missing_ok=True)
-        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
-            json.dump(asdict(control), file)
-        part.replace(path)
+        file = open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8")  # noqa: SIM115
     except OSError as error:
         raise RunError(f"cannot write {path}: {error.strerror or error}") from error
+    with file:  # open, and so locked, until the end
+        try:
+            json.dump(asdict(control), file)
+            file.flush()
+            with contextlib.suppress(OSError):  # of a file system without locks
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            part.replace(path)
+        except OSError as error:
+            raise RunError(f"cannot write {path}: {error.strerror or error}") from error
+        try:
+            yield
+        finally:
+            with contextlib.suppress(RunError, OSError):
+                if read(folder) == control:  # else another wall uses the folder by now
+                    path.unlink()
+
+
+def check_free(folder: Path) -> None:
+    """Raises RunError where a wall that still runs writes to the folder: its file is locked."""
     try:
-        yield
-    finally:
-        with contextlib.suppress(RunError, OSError):
-            if read(folder) == control:  # else another wall uses the folder by now
-                path.unlink()
+        with (folder / NAME).open(encoding="utf-8") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return
+    except BlockingIOError:
+        there = read(folder)
+    except OSError:
+        return  # no such file, or no locks
+    raise RunError(
+        f"{folder}: another wall writes its results there (process {there.pid} on {there.host}); wanted: another "
+        "--out, or the end of that wall"
+    )
 
 
 def read(folder: Path) -> Control:

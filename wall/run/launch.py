@@ -24,14 +24,15 @@ from wall.roles.plan import (
     reconstructed_at_renderers,
     window_panels,
 )
-from wall.run.bootstrap import Bootstrap, under_mpi
+from wall.run.bootstrap import Bootstrap, mpi_rank, under_mpi
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
+from wall.run.control_file import check_free
 from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
 from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
-from wall.run.recording import begin_recording
+from wall.run.recording import begin_recording, check_unused
 from wall.run.same_files import check_same
 from wall.run.succession import Preparer
 from wall.run.usage import give_memory_back
@@ -47,11 +48,15 @@ def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Ca
     layout = make_layout(loaded)
     check_files(layout)
     check_folder(options.out)
+    if options.record is not None and mpi_rank() == HEAD:
+        check_unused(options.record)
     return _run_mpi(layout, options, say, opened) if under_mpi() else _run_local(layout, options, say, opened)
 
 
 def check_folder(folder: Path) -> None:
-    """Make the folder of results, and refuse one that cannot be written, before anything is rendered."""
+    """Make the folder of results, and refuse one that cannot be written or is in use, before anything is rendered."""
+    if mpi_rank() == HEAD:
+        check_free(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

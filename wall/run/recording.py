@@ -13,7 +13,7 @@ from pathlib import Path
 
 from wall.config.loading import dump
 from wall.core.clock import Clock
-from wall.core.errors import RunError
+from wall.core.errors import ConfigError, RunError
 from wall.display.files import replaced
 from wall.packets.control import Hello, Message, serialise
 from wall.roles.instructions import Input
@@ -33,8 +33,14 @@ def file_of(folder: Path, rank: int, life: int = 0) -> Path:
     return folder / (f"rank-{rank}.{life}.events" if life else f"rank-{rank}.events")
 
 
+def check_unused(folder: Path) -> None:
+    """Raises ConfigError where a run was recorded already: it is not replaced."""
+    if (folder / RUN).exists():
+        raise ConfigError(f"--record {folder}: a run is recorded there already; wanted: another folder")
+
+
 def begin_recording(folder: Path, plan: Plan) -> None:
-    """Say which wall is run; removes what was recorded in the folder. Raises RunError where that cannot be done."""
+    """Say which wall is run. Raises RunError where that cannot be done."""
     layout = plan.layout
     about = {
         "format": FORMAT,
@@ -46,8 +52,6 @@ def begin_recording(folder: Path, plan: Plan) -> None:
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for old in folder.glob("rank-*.events"):
-            old.unlink()
         with replaced(folder / RUN) as part:
             part.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
     except OSError as error:

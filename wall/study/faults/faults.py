@@ -188,7 +188,7 @@ def _do(fault: Fault, wall: FaultyWall, *, seconds: float, results: Path) -> flo
 
 
 def _marks(status: dict[str, Any], places: Sequence[Place]) -> bool:
-    """Whether the page hatches one of these."""
+    """Whether the page marks one of these."""
     return any(tuple(place) in places for place in status["stale"])
 
 
