@@ -10,15 +10,17 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wall import client as client
     from wall.scripting.background import Running as Running
     from wall.scripting.background import run as run
     from wall.scripting.rendering import render as render
     from wall.scripting.scene import Scene as Scene
 
-__all__ = ["Running", "Scene", "render", "run"]
+__all__ = ["Running", "Scene", "client", "render", "run"]
 
 _FOUND_IN = {
     "Running": "wall.scripting.background",
+    "client": "wall.client",
     "Scene": "wall.scripting.scene",
     "render": "wall.scripting.rendering",
     "run": "wall.run",  # the package of that name, which can be called
@@ -29,7 +31,7 @@ def __getattr__(name: str) -> Any:
     if name not in _FOUND_IN:
         raise AttributeError(f"module 'wall' has no attribute {name!r}")
     module = importlib.import_module(_FOUND_IN[name])
-    return module if name == "run" else getattr(module, name)
+    return module if name in ("client", "run") else getattr(module, name)
 
 
 def __dir__() -> list[str]:

@@ -10,7 +10,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, TypeAlias
@@ -130,11 +130,12 @@ class OfflineRenderer:
         self._plan, self._tracer_scene, self._spp, self._layers = plan, tracer_scene, spp, layers
         self._surface_scene = surface_scene(tracer_scene) if SURFACE_LAYERS & set(layers) else None
         self._local, self._surfaces_local = threading.local(), threading.local()
+        self._stopped = threading.Event()  # bands that nobody waits for any more
 
     def band(self, tile: Tile, rect: Rect) -> Float64:
         """(h, w, 3) float64 linear RGB, the mean of each pixel's samples."""
         tracer, sampler = self._tracer(self._local, self._tracer_scene, tile), PixelMeans(rect, seed=tile.seed)
-        for sample in range(self._spp):
+        for sample in self._numbers():
             sampler.add(tracer.trace(sampler.positions(sample), footprint_of(self._spp), sample)[0])
         return sampler.mean()
 
@@ -146,7 +147,7 @@ class OfflineRenderer:
             surfaces = self._tracer(self._surfaces_local, self._surface_scene, tile)
             moment = self._plan.scene.at(self.event.scene_time, self.event.edits)
             matrices = normal_matrices(moment.world_from_object)
-        for sample in range(self._spp):
+        for sample in self._numbers():
             xy = means.positions(sample)
             samples = tracer.trace(xy, footprint_of(self._spp), sample)[0]
             means.add(samples)
@@ -154,6 +155,13 @@ class OfflineRenderer:
             if surfaces is not None:
                 layers.add_surfaces(surfaces.trace(xy, footprint_of(self._spp), sample)[0], matrices)
         return layers.stacked(means)
+
+    def _numbers(self) -> Iterator[int]:
+        """The samples of a pixel, until all stops."""
+        for number in range(self._spp):
+            if self._stopped.is_set():
+                raise CancelledError
+            yield number
 
     def bands(
         self, work: Iterable[Band], finish: Callable[[Float32], Image], *, threads: int | None = None
@@ -176,6 +184,9 @@ class OfflineRenderer:
                 while begun:
                     yield begun.popleft().result()
                     begun.extend(pool.submit(render, band) for band in islice(pending, 1))
+            except BaseException:
+                self._stopped.set()
+                raise
             finally:
                 for future in begun:
                     future.cancel()

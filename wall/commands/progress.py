@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -29,9 +29,8 @@ def progress_bar(
     `title` and `count` are the texts before and after the bar; `count` defaults to done/total.
     """
     counted = MofNCompleteColumn() if count is None else TextColumn(count, markup=False)
-    with Progress(
-        TextColumn(title, markup=False), BarColumn(), counted, TimeElapsedColumn(), console=errors, disable=not show
-    ) as bar:
+    columns = TextColumn(title, markup=False), BarColumn(), counted, TimeElapsedColumn(), TextColumn("left")
+    with Progress(*columns, TimeRemainingColumn(), console=errors, disable=not show) as bar:
         task = bar.add_task("starting", total=None)
         yield lambda **values: bar.update(task, **values)
 

@@ -88,6 +88,7 @@ def _rendered(
 ) -> list[Float32]:
     """Each band, (h, w, columns) float32: linear RGB, and layers."""
     rendered: list[Float32] = []
+    progress(0, len(bands))
     for band in renderer.bands(bands, lambda band: band, threads=threads):
         rendered.append(band)
         progress(len(rendered), len(bands))

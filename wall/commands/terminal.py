@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` d
     from wall.config.loading import Loaded
     from wall.roles.plan import Plan
 
-FAILED, REFUSED = 1, 2  # exit codes
+FAILED, REFUSED, INTERRUPTED = 1, 2, 130  # exit codes
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all but tab and line end
 
@@ -180,6 +180,10 @@ def readably(run: Callable[[], object]) -> None:
         sys.exit(REFUSED)
     except WallError as error:
         fail(str(error))
+    except SystemExit as end:
+        if end.code == INTERRUPTED:  # typer takes Ctrl-C itself
+            errors.print("interrupted", style="red")
+        raise
     except BrokenPipeError:  # of print(): who reads the output has ended
         sys.stdout = None
         sys.exit(FAILED)

@@ -6,6 +6,7 @@ All errors of a file are reported at once, in the order of the file.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,9 @@ MOST_EXPLAINED = 50  # refused values that are told one by one
 _ABSENT = object()
 
 
+_NAMED = re.compile(r"(scene(?:\.\w+|\[\d+\])+)(?: = (?:'[^']*'|[\w.]+))?: (.*)", re.DOTALL)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loaded:
     """A checked configuration that remembers where it came from."""
@@ -44,7 +48,12 @@ class Loaded:
         return self.path.parent
 
     def error(self, yaml_path: YamlPath, message: str, accepted: str = "") -> ConfigError:
-        """A refusal that points into the file, for checks that need more than the file itself."""
+        """A refusal that points into the file, for checks that need more than the file itself.
+
+        A message that begins with a place in it, `scene.data[0].file = 'a.vtp': ...`, points there.
+        """
+        if (named := _NAMED.match(message)) is not None:
+            yaml_path, message = _path_of(named[1]), named[2]
         if self.scene_named and yaml_path[:1] == ("scene",):
             said = message if message.startswith(f"{self.scene_named}: ") else f"{self.scene_named}: {message}"
             return ConfigError(said + (f"; accepted: {accepted}" if accepted else ""))
@@ -231,6 +240,11 @@ def _line(
         what += f" = {_short(value)}"
     parts = [where, what, message] if what else [where, message]
     return ": ".join(parts) + (f"; accepted: {accepted}" if accepted else "") + near
+
+
+def _path_of(named: str) -> YamlPath:
+    """The path of `scene.data[0].file`."""
+    return tuple(int(part) if part.isdecimal() else part for part in re.findall(r"\w+", named))
 
 
 def _short(value: Any) -> str:

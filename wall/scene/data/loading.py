@@ -29,6 +29,13 @@ def load_data(config: DataConfig, base_folder: Path, where: str) -> Source:
 
     where : of the entry in the configuration, for errors. Raises SceneError.
     """
+    try:
+        return _load(config, base_folder, where)
+    except SceneError as error:
+        raise error if str(error).startswith(where) else SceneError(f"{where}.file: {error}") from error
+
+
+def _load(config: DataConfig, base_folder: Path, where: str) -> Source:
     path = base_folder / config.file
     name = config.name or (path.stem.replace("*", "").rstrip("_.-") if "*" in path.stem else path.stem) or "series"
     if config.series is not None:
