@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -272,3 +273,17 @@ def test_a_second_wall_with_the_same_results_or_recording_is_refused_and_the_fir
     os.kill(first.pid, signal.SIGINT)
     first.wait(STOP_LIMIT_S)
     assert wall("run", config, "--headless", "--seconds", 1, "--out", out).returncode == 0
+
+
+@pytest.mark.parametrize("options", [(), ("--with-ft", "ulfm")], ids=["plain", "ulfm"])
+def test_an_error_at_the_start_ends_a_job_of_mpi(tmp_path: Path, options: tuple[str, ...]) -> None:
+    """MPI_Finalize waits for ranks that wait for the one that failed: the job held its nodes for ever."""
+    config = write_config(tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        page = f"output: {{browser: {{port: {taken.getsockname()[1]}}}}}\n"
+        config.write_text(config.read_text().replace("[png]", "[browser]") + page)
+        began = time.monotonic()
+        run = wall("run", config, "--seconds", 1, "--out", tmp_path / "OUT", launcher=mpirun(2, *options))
+    assert run.returncode != 0
+    assert "another program has this port" in run.stderr + run.stdout, run.stdout + run.stderr
+    assert time.monotonic() - began < START_LIMIT_S

@@ -130,16 +130,15 @@ class OfflineRenderer:
         self._plan, self._tracer_scene, self._spp, self._layers = plan, tracer_scene, spp, layers
         self._surface_scene = surface_scene(tracer_scene) if SURFACE_LAYERS & set(layers) else None
         self._local, self._surfaces_local = threading.local(), threading.local()
-        self._stopped = threading.Event()  # bands that nobody waits for any more
 
-    def band(self, tile: Tile, rect: Rect) -> Float64:
-        """(h, w, 3) float64 linear RGB, the mean of each pixel's samples."""
+    def band(self, tile: Tile, rect: Rect, stopped: threading.Event | None = None) -> Float64:
+        """(h, w, 3) float64 linear RGB, the mean of each pixel's samples. Raises CancelledError once `stopped`."""
         tracer, sampler = self._tracer(self._local, self._tracer_scene, tile), PixelMeans(rect, seed=tile.seed)
-        for sample in self._numbers():
+        for sample in self._numbers(stopped):
             sampler.add(tracer.trace(sampler.positions(sample), footprint_of(self._spp), sample)[0])
         return sampler.mean()
 
-    def band_with_layers(self, tile: Tile, rect: Rect) -> Float32:
+    def band_with_layers(self, tile: Tile, rect: Rect, stopped: threading.Event | None = None) -> Float32:
         """(h, w, columns) float32: the band and its layers, see pixel_layers.unstacked."""
         layers, means = PixelLayers(rect, self._layers), PixelMeans(rect, seed=tile.seed)
         tracer, surfaces = self._tracer(self._local, self._tracer_scene, tile), None
@@ -147,7 +146,7 @@ class OfflineRenderer:
             surfaces = self._tracer(self._surfaces_local, self._surface_scene, tile)
             moment = self._plan.scene.at(self.event.scene_time, self.event.edits)
             matrices = normal_matrices(moment.world_from_object)
-        for sample in self._numbers():
+        for sample in self._numbers(stopped):
             xy = means.positions(sample)
             samples = tracer.trace(xy, footprint_of(self._spp), sample)[0]
             means.add(samples)
@@ -156,10 +155,10 @@ class OfflineRenderer:
                 layers.add_surfaces(surfaces.trace(xy, footprint_of(self._spp), sample)[0], matrices)
         return layers.stacked(means)
 
-    def _numbers(self) -> Iterator[int]:
-        """The samples of a pixel, until all stops."""
+    def _numbers(self, stopped: threading.Event | None) -> Iterator[int]:
+        """The samples of a pixel."""
         for number in range(self._spp):
-            if self._stopped.is_set():
+            if stopped is not None and stopped.is_set():
                 raise CancelledError
             yield number
 
@@ -173,9 +172,10 @@ class OfflineRenderer:
 
         def render(band: Band) -> Image:
             if self._layers:
-                return finish(self.band_with_layers(*band))
-            return finish(self.band(*band).astype(np.float32))
+                return finish(self.band_with_layers(*band, stopped))
+            return finish(self.band(*band, stopped).astype(np.float32))
 
+        stopped = threading.Event()  # nobody waits for these bands any more
         count = threads or len(os.sched_getaffinity(0))
         pending = iter(work)
         with ThreadPoolExecutor(count) as pool:
@@ -184,10 +184,8 @@ class OfflineRenderer:
                 while begun:
                     yield begun.popleft().result()
                     begun.extend(pool.submit(render, band) for band in islice(pending, 1))
-            except BaseException:
-                self._stopped.set()
-                raise
             finally:
+                stopped.set()
                 for future in begun:
                     future.cancel()
 

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from wall.core.errors import ConfigError, EditError, WallError
 from wall.core.garbage import collect_as_usual, collect_rarely
+from wall.run.bootstrap import under_mpi
 
 if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` does without
     from wall.config.loading import Loaded
@@ -34,7 +35,9 @@ class Terminal(Console):
     """
 
     def __init__(self, **options: Any) -> None:
-        """`options`: of rich's Console."""
+        """`options`: of rich's Console. Under MPI nothing is coloured: where the launcher writes to is not known."""
+        if under_mpi():
+            options = {"force_terminal": False} | options
         super().__init__(highlight=False, markup=False, emoji=False, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:

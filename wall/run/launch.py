@@ -9,6 +9,7 @@ import socket
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
@@ -37,6 +38,9 @@ from wall.run.same_files import check_same
 from wall.run.succession import Preparer
 from wall.run.usage import give_memory_back
 from wall.run.warm_up import warm_up
+
+if TYPE_CHECKING:
+    from wall.run.bootstrap_mpi import MpiBootstrap
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 
@@ -101,6 +105,15 @@ def _run_mpi(
     from wall.run.bootstrap_mpi import MpiBootstrap
 
     launched = MpiBootstrap()
+    try:
+        return _run_launched(launched, layout, options, say, opened)
+    finally:
+        launched.finish()  # however it ends: MPI would wait for the others for ever
+
+
+def _run_launched(
+    launched: MpiBootstrap, layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]
+) -> Outcome | None:
     machines = launched.allgather(socket.gethostname())
     check_same(launched, layout, machines)
     check_size(layout, launched.size, tell=launched.rank == HEAD)
@@ -124,7 +137,6 @@ def _run_mpi(
             plan, tracer_scene, bootstrap, preparer,
             headless=options.headless, out=options.out, record=options.record,
         )  # fmt: skip
-        bootstrap.finish()
         return None
     return lead(plan, bootstrap, preparer, options, say, opened)
 
