@@ -1,44 +1,46 @@
-# Sourced by the scripts in this folder: makes .venv/ in the clone and installs the packages that pyproject.toml names.
+# Sourced, by the scripts in this folder or in a shell: makes .venv/ in the clone, installs the packages that
+# pyproject.toml names, and puts .venv/bin first in PATH.
 # setup EXTRAS...   (skipped if neither pyproject.toml nor constraints.txt changed since the last time)
 
 setup() {
+    local here; here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
     local extras; extras=$(IFS=,; echo "$*")
     local python=${PYTHON:-python3}
-    local stamp=.venv/installed-$extras
-    local wanted; wanted=$(cat pyproject.toml launch/constraints.txt | cksum)
+    local stamp=$here/.venv/installed-$extras
+    local wanted; wanted=$(cat "$here/pyproject.toml" "$here/launch/constraints.txt" | cksum)
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ]; then
-        export PATH="$PWD/.venv/bin:$PATH"
+        export PATH="$here/.venv/bin:$PATH"
         return
     fi
     "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || {
         echo "wall needs Python 3.11 or newer; '$python' is $("$python" --version 2>&1 || echo missing)." >&2
-        echo "Name another one: PYTHON=/path/to/python3.12 $0" >&2
-        exit 1
+        echo "Name another one: export PYTHON=/path/to/python3.12" >&2
+        return 1
     }
     echo "setting up .venv (once; up to a minute)"
-    "$python" -m venv .venv || {
+    "$python" -m venv "$here/.venv" || {
         echo "could not make a virtual environment; on Debian: apt install python3-venv" >&2
-        exit 1
+        return 1
     }
-    export PATH="$PWD/.venv/bin:$PATH"
-    install "$extras" || { echo "installing failed; the lines above say why" >&2; exit 1; }
+    export PATH="$here/.venv/bin:$PATH"
+    _install_wall "$here" "$extras" || { echo "installing failed; the lines above say why" >&2; return 1; }
     echo "$wanted" > "$stamp"
 }
 
 # uv installs in a quarter of pip's time. It does not read pip's settings (mirrors, proxies): where it fails, pip tries.
-install() {
-    local packages=(-c launch/constraints.txt -e ".[$1]")
+_install_wall() {
+    local packages=(-c "$1/launch/constraints.txt" -e "$1[$2]")
     local pip=(python -m pip install --disable-pip-version-check --no-input)
     if "${pip[@]}" -q uv >/dev/null 2>&1 &&
-        VIRTUAL_ENV=$PWD/.venv uv pip install -q --compile-bytecode "${packages[@]}" 2>/dev/null; then
+        VIRTUAL_ENV=$1/.venv uv pip install -q --compile-bytecode "${packages[@]}" 2>/dev/null; then
         return
     fi
-    "${pip[@]}" "${packages[@]}" 2>&1 | progress
+    "${pip[@]}" "${packages[@]}" 2>&1 | _show_progress
     return "${PIPESTATUS[0]}"
 }
 
 # On a terminal one line that is overwritten, otherwise one line for each package.
-progress() {
+_show_progress() {
     local line log=""
     while IFS= read -r line; do
         case "$line" in

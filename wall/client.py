@@ -97,6 +97,7 @@ class Client:
 
             path = str(Path(configuration).absolute())
             text = read_text(path)
+        self.request(listed=("exposure",))  # a wall that has ended answers nothing: not for that long
         return self.request(configuration=text, path=path, patience_s=patience_s).edit
 
     def request(

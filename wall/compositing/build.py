@@ -64,12 +64,10 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
 
 def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
     """The nodes of a preset. Raises ConfigError where they would be too many."""
-    if config.compositors > len(wall.panels):
-        raise loaded.error(
-            ("graph", "compositors"),
-            f"{config.compositors} compositors cannot share {len(wall.panels)} panels",
-            f"1 to {len(wall.panels)}",
-        )
+    apart = all(panel.config.host is not None for panel in wall.panels)  # then the head may have none of the panels
+    if config.compositors > (most := len(wall.panels) + apart):
+        came = f"{config.compositors} compositors cannot share {len(wall.panels)} panels"
+        raise loaded.error(("graph", "compositors"), came, f"1 to {most}")
     nodes = len(wall.viewports) * (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3)
     if nodes > MAX_NODES:
         came = f"{len(wall.panels)} panels with {config.ranks_per_panel} ranks each take {nodes} nodes"

@@ -137,10 +137,10 @@ class Register:
                 self.silences[rank] = max(self.silences.get(rank, 0.0), silence)
                 if rank not in self.lost:
                     self.lost[rank] = f"silent for {silence:.1f} s"
-                    self.news.append(note_of(rank, "info", self.lost[rank]))
+                    self.news.append(note_of(rank, "warning", self.lost[rank]))
             elif self.lost.get(rank, "").startswith("silent"):
                 del self.lost[rank]  # it was only late
-                self.news.append(note_of(rank, "info", "is heard again"))
+                self.news.append(note_of(rank, "warning", "is heard again"))
         self._see_absent(late | self.lost.keys(), now)
 
     def _see_absent(self, absent: set[int], now: float) -> None:
