@@ -7,13 +7,16 @@ recompiles what depends on it, and nothing else. A cache that names a class whic
 
 from __future__ import annotations
 
+import atexit
 import gc
 import hashlib
 import importlib
 import os
 import re
 import sys
+import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -159,7 +162,32 @@ def _empty_if_outdated(load_index: Callable[[], dict[Any, str]]) -> Callable[[],
 
 
 def cache_root() -> Path:
-    """The folder of all compiled kernels: $NUMBA_CACHE_DIR, or ~/.cache/wall/kernels."""
+    """The folder of all compiled kernels: wanted_cache_root(), or one of temporary files where it cannot be written.
+
+    Users that services run as often have no home.
+    """
+    with suppress(OSError, RuntimeError):
+        folder = wanted_cache_root()
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    folder = Path(tempfile.gettempdir()) / f"wall-kernels-{os.getuid()}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.lstat().st_uid == os.getuid():  # what it holds is executed
+            return folder
+    return _cache_of_this_process()
+
+
+@cache
+def _cache_of_this_process() -> Path:
+    folder = tempfile.TemporaryDirectory(prefix="wall-kernels-")
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
+
+
+def wanted_cache_root() -> Path:
+    """$NUMBA_CACHE_DIR, or ~/.cache/wall/kernels. Raises RuntimeError where the user has no home."""
     base = os.environ.get("NUMBA_CACHE_DIR")
     return Path(base) if base else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wall" / "kernels"
 

@@ -255,7 +255,6 @@ def _between(plan: Plan) -> None:
 @contextmanager
 def _one_compiler() -> Iterator[None]:
     folder = cache_root()
-    folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import ast
 import gc
+import os
+import stat
 import sys
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from numba.core.event import Event, Listener, install_listener
@@ -115,3 +118,22 @@ def test_garbage_is_collected_less_often_while_a_kernel_is_compiled_and_as_befor
 
     assert seen == [OBJECTS_A_COLLECTION]
     assert gc.get_threshold() == before < (OBJECTS_A_COLLECTION,)
+
+
+@pytest.mark.parametrize("home", ["no home", "a file"])
+def test_a_user_without_a_folder_to_write_to_has_a_cache_of_its_own(
+    home: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", "" if home == "no home" else str(tmp_path / "file"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    if home == "no home":
+        monkeypatch.setattr(Path, "home", Mock(side_effect=RuntimeError("no home")))
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    found = jit.cache_root()
+    assert found == tmp_path / f"wall-kernels-{os.getuid()}"
+    assert stat.S_IMODE(found.stat().st_mode) == 0o700
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    assert jit.cache_root().name != "wall-kernels-12345", "one that another user made is not used"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
+    assert jit.cache_root() == tmp_path / "mine" / "wall" / "kernels"

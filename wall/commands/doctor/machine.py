@@ -9,11 +9,12 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 from wall.commands.doctor.finding import Finding, State
-from wall.core.jit import cache_root
+from wall.core.jit import cache_root, wanted_cache_root
 
 SHARED = Path("/dev/shm")
 MPI_S, GPU_S = 60.0, 30.0  # for programs that check these
@@ -95,7 +96,10 @@ def shared_memory(needed: int, folder: Path = SHARED) -> Iterator[Finding]:
 
 def disk(out: Path) -> Iterator[Finding]:
     """The folder of results, and the one of compiled kernels."""
-    for name, folder in (("results", out), ("compiled kernels", cache_root())):
+    kernels = cache_root()
+    with suppress(RuntimeError):  # of a user without a home
+        kernels = wanted_cache_root()
+    for name, folder in (("results", out), ("compiled kernels", kernels)):
         there = folder.absolute()
         while not there.exists():
             there = there.parent
@@ -103,6 +107,7 @@ def disk(out: Path) -> Iterator[Finding]:
         found = f"{folder}: {free >> 30} GB free"
         if not os.access(there, os.W_OK | os.X_OK):
             mend = f"give this user the right to write to {there}, or choose another folder"
+            mend += f" (XDG_CACHE_HOME; until then {cache_root()})" * (folder is kernels)
             state: State = "missing" if folder is out else "warning"
             yield Finding(name=name, state=state, found=f"{folder}: cannot be written", mend=mend)
         else:
