@@ -87,6 +87,10 @@ def run(
     from wall.commands.progress import StartProgress, show_summary
     from wall.run import launch
 
+    if record is not None and watch:
+        from wall.core.errors import ConfigError
+
+        raise ConfigError("--record and --watch: a run that is recorded keeps its configuration; wanted: one of them")
     loaded = load_config(config, scene, up=up, fit=fit)
     options = launch.Options(
         out=out or Path(loaded.config.output.directory),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +17,7 @@ from rich.text import Text
 
 from wall.core.errors import ConfigError, EditError, WallError
 from wall.core.garbage import collect_as_usual, collect_rarely
-from wall.run.bootstrap import under_mpi
+from wall.run.bootstrap import mpi_rank, under_mpi
 
 if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` does without
     from wall.config.loading import Loaded
@@ -114,7 +115,7 @@ def say_version(wanted: bool) -> None:
 
 def fail(message: str) -> NoReturn:
     """Print a message and end the process with the exit code of a failed run."""
-    errors.print(message, style="red")
+    errors.print(_with_rank(message), style="red")
     raise SystemExit(FAILED)
 
 
@@ -172,6 +173,12 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
     return int(width), int(height)
 
 
+def _with_rank(message: str) -> str:
+    """The message, and which rank of an MPI launch says so, where; not at the first, and outside of one."""
+    known = mpi_rank() == 0 or message.startswith("rank ")
+    return message if known else f"rank {mpi_rank()} on {socket.gethostname()}: {message}"
+
+
 def readably(run: Callable[[], object]) -> None:
     """Call a command line; every refusal and failure is one readable text and an exit code."""
     open_standard_streams()
@@ -179,7 +186,7 @@ def readably(run: Callable[[], object]) -> None:
     try:
         run()
     except (ConfigError, EditError) as error:
-        errors.print(str(error), style="red")
+        errors.print(_with_rank(str(error)), style="red")
         sys.exit(REFUSED)
     except WallError as error:
         fail(str(error))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
+from rich.cells import cell_len
 from rich.console import Group
 from rich.live import Live
 from rich.table import Table
@@ -22,6 +23,10 @@ from wall.core.errors import ConfigError, RunError
 ANSWER_S = 3.0  # for the wall's answer
 MOST_BYTES = 16 << 20  # of it
 TRIES = 3  # answers that may be missed before a run counts as gone
+COLUMNS = (
+    "rank", "role", "region", "host", "samples/s", "bytes/s", "oldest", "heard", "dropped", "memory", "cores",
+)  # fmt: skip
+LEFT_OUT = ("bytes/s", "dropped", "heard", "host", "memory", "role")  # on narrow terminals, the first first
 STALE_S = 2.0  # an older sample is marked
 Status = Mapping[str, Any]  # of /status.json
 
@@ -71,9 +76,11 @@ def top(
     before, missed = wall.status(), 0
     if once or not terminal.is_terminal:
         sleep(every_s)
-        terminal.print(view_of(wall.name, wall.status(), before))
+        terminal.print(view_of(wall.name, wall.status(), before, width=terminal.width))
         return
-    with Live(view_of(wall.name, before, None), console=terminal, auto_refresh=False, screen=True) as live:
+    with Live(
+        view_of(wall.name, before, None, width=terminal.width), console=terminal, auto_refresh=False, screen=True
+    ) as live:
         while True:
             sleep(every_s)
             try:
@@ -82,17 +89,18 @@ def top(
                 missed += 1
                 if missed >= TRIES:
                     raise RunError(f"the run is gone, or cannot be reached any more: {error}") from error
-                live.update(Group(view_of(wall.name, before, None), Text(f"no answer: {error}", "red")), refresh=True)
+                view = view_of(wall.name, before, None, width=terminal.width)
+                live.update(Group(view, Text(f"no answer: {error}", "red")), refresh=True)
                 continue
-            live.update(view_of(wall.name, now, before), refresh=True)
+            live.update(view_of(wall.name, now, before, width=terminal.width), refresh=True)
             before = now
 
 
-def view_of(name: str, now: Status | None, before: Status | None) -> Group:
-    """What is shown of a status; `before`: an earlier one, from which rates are."""
+def view_of(name: str, now: Status | None, before: Status | None, *, width: int = 200) -> Group:
+    """What is shown of a status on `width` columns; `before`: an earlier one, from which rates are."""
     if now is None:
         return Group(Text(f"{name}: no image yet"))
-    parts: list[Text | Table] = [Text(spelled_out(_headline(name, now))), _table(now, before)]
+    parts: list[Text | Table] = [Text(spelled_out(_headline(name, now))), _table(now, before, width)]
     dropped = "; ".join(
         f"rank {rank['rank']}: " + ", ".join(f"{why} {count}" for why, count in sorted(totals["dropped"].items()))
         for rank, totals in zip(now["ranks"], now["totals"], strict=True)
@@ -119,24 +127,11 @@ def _lines(now: Status, dropped: str) -> list[tuple[str, str]]:
     return lines + [(note, "") for note in now["notes"]]
 
 
-def _table(now: Status, before: Status | None) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for column in (
-        "rank",
-        "role",
-        "region",
-        "host",
-        "samples/s",
-        "bytes/s",
-        "oldest",
-        "heard",
-        "dropped",
-        "memory",
-        "cores",
-    ):
-        table.add_column(column, justify="left" if column in ("role", "region", "host") else "right", no_wrap=True)
+def _table(now: Status, before: Status | None, width: int) -> Table:
+    """A row a rank; on a terminal that is too narrow without those columns of LEFT_OUT that do not fit."""
     earlier: list[Mapping[str, Any] | None] = list(before["totals"]) if before is not None else []
     earlier += [None] * (len(now["ranks"]) - len(earlier))
+    rows, styles = list[tuple[str, ...]](), list[str]()
     for rank, totals, then in zip(now["ranks"], now["totals"], earlier, strict=False):
         oldest = rank["oldest_sample_s"]
         cells = (
@@ -145,8 +140,20 @@ def _table(now: Status, before: Status | None) -> Table:
             str(rank["dropped"]), f"{totals['memory'] / 2**20:.0f} MB", _cores(totals, then),
         )  # fmt: skip
         old = oldest is not None and oldest > STALE_S and not now["paused"]
-        style = "red" if not rank["alive"] else "yellow" if old else ""
-        table.add_row(*(Text(spelled_out(cell), style) for cell in cells))
+        styles.append("red" if not rank["alive"] else "yellow" if old else "")
+        rows.append(tuple(map(spelled_out, cells)))
+    columns = zip(COLUMNS, *rows, strict=True)
+    widths = {name: max(map(cell_len, (name, *cells))) for name, *cells in columns}
+    shown = list(COLUMNS)
+    for name in LEFT_OUT:
+        if sum(widths[each] + 2 for each in shown) - 2 > width:
+            shown.remove(name)
+    table = Table(box=None, pad_edge=False)
+    for name in shown:
+        table.add_column(name, justify="left" if name in ("role", "region", "host") else "right", no_wrap=True)
+    for row, style in zip(rows, styles, strict=True):
+        by_name = dict(zip(COLUMNS, row, strict=True))
+        table.add_row(*(Text(by_name[name], style) for name in shown))
     return table
 
 

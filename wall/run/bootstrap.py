@@ -41,8 +41,8 @@ class Bootstrap(Protocol):
         """Start a rank that is dead once more; it gets `text` as a broadcast. Returns whether that can be tried."""
         ...
 
-    def finish(self) -> None:
-        """End what was started, within a bounded time."""
+    def finish(self, *, told: bool = True) -> None:
+        """End what was started, within a bounded time; at once where nobody `told` it to end, if that can be."""
         ...
 
 

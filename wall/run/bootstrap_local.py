@@ -104,9 +104,9 @@ class LocalBootstrap:
         self._again.add(rank)
         return True
 
-    def finish(self) -> None:
-        """Wait for the ranks to end, then end them."""
-        limit = time.monotonic() + STOP_WAIT_S
+    def finish(self, *, told: bool = True) -> None:
+        """Wait for the ranks to end, then end them; at once where nobody told them to."""
+        limit = time.monotonic() + STOP_WAIT_S * told
         for child in self._children:
             child.join(max(0.0, limit - time.monotonic()))
         for child in self._children:
@@ -254,7 +254,8 @@ def _run_child(
         main(LocalBootstrap(rank, size, [pipe], [], keys=keys))
         code = 0
     except WallError as error:
-        print(f"rank {rank}: {error}", file=sys.stderr, flush=True)
+        said = str(error)
+        print(said if said.startswith("rank ") else f"rank {rank}: {said}", file=sys.stderr, flush=True)
     except Exception:
         traceback.print_exc()
     finally:

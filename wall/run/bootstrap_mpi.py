@@ -60,8 +60,9 @@ class MpiBootstrap:
         """MPI has no way to put a process in another's place."""
         return False
 
-    def finish(self) -> None:
+    def finish(self, *, told: bool = True) -> None:
         """At the exit of this process let MPI end in order, or leave with exit code 1 where it waits for the dead."""
+        atexit.unregister(_finalize)  # asked for twice it is done once
         atexit.register(_finalize, self._launcher)
 
     def _give_up(self) -> None:

@@ -62,7 +62,7 @@ class ThreadBootstrap:
         """A thread that failed would fail again."""
         return False
 
-    def finish(self) -> None:
+    def finish(self, *, told: bool = True) -> None:
         """Wait for the threads to end."""
         for thread in self._shared.threads:
             thread.join(STOP_WAIT_S)

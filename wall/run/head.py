@@ -27,6 +27,7 @@ from wall.roles.plan import HEAD, Plan
 from wall.roles.status import summary_of
 from wall.run.bootstrap import Bootstrap
 from wall.run.clock import HeadClock
+from wall.run.control_file import NAME as CONTROL_FILE
 from wall.run.control_file import Control, announced, new_key
 from wall.run.deaths import Deaths
 from wall.run.endings import EndSignals, WriterApart
@@ -130,7 +131,7 @@ class HeadProcess:
         data = open_data_hub(plan, keys)
         ways = ways_of(plan, self._bootstrap, address, clock, data)
         closing.later(ways.close)
-        closing.later(self._bootstrap.finish)
+        closing.later(self._end_ranks)
         closing.later(self._write_last_summary)
         sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
         self._sinks = distinct(sinks)
@@ -246,6 +247,9 @@ class HeadProcess:
         assert self._manager is not None
         return self._inviter.look(self._manager.plan)
 
+    def _end_ranks(self) -> None:
+        self._bootstrap.finish(told=self._manager is not None)
+
     def _start_again(self, rank: int, life: int) -> bool:
         """Start a rank again that died. Returns whether that was tried."""
         assert self._manager is not None
@@ -259,7 +263,8 @@ class HeadProcess:
             self._apart.begin()
 
     def _save(self) -> None:
-        """Write the results as they are."""
+        """Write the results as they are, in a copy of this process, which is killed soon."""
+        (self._options.out / CONTROL_FILE).unlink(missing_ok=True)
         save_images(self._sinks)
         self._save_summary()
 

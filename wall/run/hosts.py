@@ -72,6 +72,6 @@ class Renumbered:
         """Start a rank that is dead once more; it gets `text` as a broadcast. Returns whether that can be tried."""
         return self._bootstrap.start_again(self._rank_of.index(rank), text)
 
-    def finish(self) -> None:
+    def finish(self, *, told: bool = True) -> None:
         """End what was started."""
-        self._bootstrap.finish()
+        self._bootstrap.finish(told=told)

@@ -105,7 +105,7 @@ class JoinedBootstrap:
         """It starts nobody."""
         return False
 
-    def finish(self) -> None:
+    def finish(self, *, told: bool = True) -> None:
         """It has started nobody."""
 
 

@@ -72,7 +72,7 @@ class Launched:
     def dead(self) -> dict[int, str]:
         return {2: "signal 9"}
 
-    def finish(self) -> None:
+    def finish(self, *, told: bool = True) -> None:
         self.finished = True
 
 
