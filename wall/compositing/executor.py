@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from wall.compositing.graph import Graph, Step
 from wall.core.data import Event, Framelet, Rect
-from wall.operators.base import Operator
+from wall.operators.base import Following, Operator
 from wall.operators.colour import encode
 from wall.operators.overlay import Overlay, Statistics
 
 Regions: TypeAlias = list[Rect]  # of the frame; they may overlap
 Changes: TypeAlias = dict[int, Regions]  # by step
+Settings: TypeAlias = Mapping[str, Mapping[str, float]]  # by node and key
+NO_SETTINGS: Settings = {}
 Reproject: TypeAlias = Callable[[Framelet, Event, int], Framelet]  # of a panel: as it looks under an event
 DENSE = 0.6  # of their bounding box: above it, one large region costs less than many
 
@@ -60,18 +62,30 @@ class Executor:
         self._redrawn: dict[int, Rect] = {}  # by step: where an overlay's text has changed
         self.pixels = 0  # written so far
 
-    def step(self, changed: Mapping[int, Regions], event: Event | None) -> Changes:
+    def step(self, changed: Mapping[int, Regions], event: Event | None, settings: Settings = NO_SETTINGS) -> Changes:
         """Recompute what depends on `changed` regions of sources, for the camera and scene time of `event`.
 
-        Returns all that changed, sources included, by step.
+        `settings`: of nodes, where they are not as configured. Returns all that changed, sources included, by step.
         """
         found: Changes = {k: list(regions) for k, regions in changed.items() if regions}
         for s in self._steps:
-            regions = self._regions(s, found, event)
+            prepared = self._prepared[s.index]
+            anew = isinstance(prepared, Following) and prepared.follow(settings.get(s.node.id, {}))
+            regions = [s.rect] if anew else self._regions(s, found, event)
             if regions:
                 self._apply(s, regions, event)
                 found[s.index] = regions
         return found
+
+    @property
+    def follows(self) -> bool:
+        """Whether some node here has settings."""
+        return any(isinstance(prepared, Following) for prepared in self._prepared.values())
+
+    @property
+    def waits(self) -> bool:
+        """Whether some node here will change by itself."""
+        return any(isinstance(each, Following) and each.waits for each in self._prepared.values())
 
     def _regions(self, s: Step, found: Changes, event: Event | None) -> Regions:
         if s.index in self._fresh:

@@ -6,10 +6,11 @@ know in which process it runs, or which part of its input changed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field, model_validator
@@ -60,12 +61,35 @@ class Node(Model):
         return (one, *several) if one is not None else tuple(several)
 
 
+class Setting(NamedTuple):
+    """A number of a node that can be changed while the wall runs: the key that configures it, and its range."""
+
+    key: str
+    low: float
+    high: float
+    unit: str
+
+
+class Following(ABC):
+    """What a node has prepared whose pixels change by themselves: with its settings, or as files are read."""
+
+    @abstractmethod
+    def follow(self, values: Mapping[str, float]) -> bool:
+        """Take in its settings that are not as configured, by key. Returns whether all is to be made anew."""
+
+    @property
+    @abstractmethod
+    def waits(self) -> bool:
+        """Whether something is under way that will change its pixels."""
+
+
 class Operator(Node):
     """A node that makes one framelet from others. A package names its own in entry points `wall.operators`."""
 
     NEEDS: ClassVar[Channels] = frozenset({"colour"})  # of every input
     USES: ClassVar[Channels] = frozenset()  # of any input that has them
     LOSES: ClassVar[Channels] = frozenset()  # that its output cannot have: variance, where it is not linear
+    SETTINGS: ClassVar[tuple[Setting, ...]] = ()  # what it has prepared is a Following then
     MOVES: ClassVar[bool] = False  # it copies values unchanged, so it takes linear and encoded colour alike
     ONE_OF: ClassVar[tuple[str, str, str] | None] = None  # two keys of which it has exactly one, and what that may be
 

@@ -12,6 +12,7 @@ from wall.operators.blend_edges import BlendEdges
 from wall.operators.blend_mask import BlendMask
 from wall.operators.colour import Colour, Encode
 from wall.operators.curve import Curve
+from wall.operators.deep_zoom import DeepZoom
 from wall.operators.denoise import Denoise
 from wall.operators.depth import Depth
 from wall.operators.legend import Legend
@@ -37,7 +38,7 @@ def name_of(operator: type[Operator]) -> str | None:
 
 
 BUILT_IN: tuple[type[Operator], ...] = (
-    AgeBlend, Average, BlendEdges, BlendMask, Colour, Constant, Crop, Curve, Denoise, Depth,
+    AgeBlend, Average, BlendEdges, BlendMask, Colour, Constant, Crop, Curve, DeepZoom, Denoise, Depth,
     Encode, Flip, ImageSource, Legend, Mask, Newest, Over, Overlay, Rotate, Scale, Tile, Warp,
 )  # fmt: skip
 OPERATORS: dict[str, type[Operator]] = {str(name_of(operator)): operator for operator in BUILT_IN}

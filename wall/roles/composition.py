@@ -28,6 +28,7 @@ from wall.roles.handed_samples import why_images
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.layer import PanelCompositor
 from wall.roles.lockstep import Lockstep
+from wall.roles.node_settings import settings_of
 from wall.roles.plan import HEAD, Plan
 from wall.roles.present import PanelCrops
 from wall.roles.sky import SkyLayer
@@ -249,7 +250,7 @@ class Composition:
 
     def behind(self, view: int) -> bool:
         """Whether a slower layer of a view waits for its turn to show what came, or the newest event."""
-        return any(layer.behind for layer in self._of_view(view))
+        return any(layer.behind for layer in self._of_view(view)) or any(n.executor.waits for n in self._all_nodes())
 
     def _regions_of(self, dirty_tiles: Iterable[tuple[PanelCompositor, NDArray[np.bool_]]]) -> Changes:
         """What changed, by step, of the tiles of layers that changed."""
@@ -354,7 +355,7 @@ class _Nodes:
         self.executor = Executor(graph, rank, sources, layout.loaded.folder, reproject)
         self.outlets = outlets
         self.shown = [PanelCrops(graph, sink, layout.wall) for sink in graph.sinks_on(rank)]
-        self._lockstep = lockstep
+        self._lockstep, self._scene = lockstep, plan.scene
 
     def begin_with(self, before: _Nodes) -> None:
         known = {(old.step.node.id, old.step.rect): old.framelet for old in before.remote.values()}
@@ -373,7 +374,8 @@ class _Nodes:
         for remote in self.remote.values():
             remote.show(now, force=force)
         arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}
-        changes = self.executor.step({**fresh, **arrived}, event)
+        values = self._scene.values(event.scene_time, event.edits) if self.executor.follows else {}
+        changes = self.executor.step({**fresh, **arrived}, event, settings_of(values))
         for shown in self.shown:
             shown.take(changes, self.executor.framelets)
         # a frame's number is sent once: a frame made again sends only what changed

@@ -25,9 +25,10 @@ from wall.packets.control import ALL_BUT_OBJECTS, MAX_ANSWER_BYTES, EditAnswer, 
 from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.packets.joining import JoinRequest
 from wall.roles.clicks import Clicks
+from wall.roles.node_settings import all_parameters
 from wall.roles.plan import Plan, exposure_at
 from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
-from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named, parameters_of_views
+from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named
 
 Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
 
@@ -183,7 +184,7 @@ class Editor:
 
 def editable(plan: Plan) -> dict[str, Parameter]:
     """The parameters of a plan whose names fit a message."""
-    found = parameters_of_views(plan.scenes, exposure=plan.layout.config.views[0].exposure)
+    found = all_parameters(plan.scenes, plan.layout.graph, plan.layout.config)
     samplings = map(plan.layout.sampling_of, range(len(plan.views)))
     if progressive := [each for each in samplings if isinstance(each, ProgressiveSampling)]:
         most = (float(progressive[0].samples_per_pixel),)

@@ -29,10 +29,11 @@ from wall.geometry.strips import Strips
 from wall.geometry.viewports import with_views
 from wall.operators.base import Operator
 from wall.reconstruction.gpu.device import gpu_nodes
+from wall.roles.node_settings import all_parameters
 from wall.scene.build import Scene, integrated
 from wall.scene.build import build as build_scene
 from wall.scene.of_views import Way, shown_by
-from wall.scene.parameters import EXPOSURE, parameters_of_views, with_checked_tracks
+from wall.scene.parameters import EXPOSURE, with_checked_tracks
 
 HEAD = 0
 ROUNDED = 1.001  # rates and row times that people wrote down are not exact
@@ -245,8 +246,7 @@ def load_scene(layout: Layout) -> Scene:
     except SceneError as error:
         raise layout.loaded.error(("scene", "source"), str(error)) from error
     try:
-        parameters = parameters_of_views(_scenes(layout, scene), exposure=layout.config.views[0].exposure)
-        return with_checked_tracks(scene, parameters)
+        return with_checked_tracks(scene, all_parameters(_scenes(layout, scene), layout.graph, layout.config))
     except SceneError as error:
         raise layout.loaded.error(("scene", "animation"), str(error)) from error
 

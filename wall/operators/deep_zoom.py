@@ -1,0 +1,223 @@
+"""`deep_zoom`: a part of a very large image, of which only the tiles that are looked at are read."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal, TypeAlias
+
+import numpy as np
+from annotated_types import Ge, Le
+from PIL import Image
+from pydantic import Field
+
+from wall.core.colour import srgb_decoded
+from wall.core.data import Framelet, Rect
+from wall.core.errors import ConfigError
+from wall.core.fields import Number, Text
+from wall.operators.base import Following, Setting
+from wall.operators.pyramid import Codes, Pyramid, TileKey, open_pyramid
+from wall.operators.sources import Source
+
+LEAST_ZOOM, MOST_ZOOM = -8.0, 26.0  # doublings
+CACHE_BYTES = 256 << 20  # of tiles in memory,
+CACHE_PER_PIXEL = 40  # or so many for each pixel of the area: what is shown takes up to 22
+READERS = 2  # threads
+MARGIN = 2  # pixels of a level around what is shown: what its filter reads
+DECODED = srgb_decoded(np.arange(256, dtype=np.float32) / np.float32(255.0))
+
+Share = Annotated[Number, Ge(0.0), Le(1.0)]
+Box: TypeAlias = tuple[int, int, int, int]  # left, top, right, bottom
+
+
+class DeepZoom(Source):
+    """A part of a very large image; which part can be changed while the wall runs."""
+
+    op: Literal["deep_zoom"] = Field(description="a part of a very large image")
+    file: Text = Field(description="a Deep Zoom Image (.dzi), see wall tiles; or a PNG, JPEG or TIFF, read whole")
+    x: Share = Field(default=0.5, description="what is shown in the middle: share of the image's width")
+    y: Share = Field(default=0.5, description="the same of its height, from the top")
+    zoom: Annotated[Number, Ge(LEAST_ZOOM), Le(MOST_ZOOM)] = Field(
+        default=0.0, description="doublings: 0: the whole image fits into the area; 1: twice as large; 3: 8 times"
+    )
+
+    SETTINGS: ClassVar[tuple[Setting, ...]] = (
+        Setting("x", 0.0, 1.0, "of the width"), Setting("y", 0.0, 1.0, "of the height"),
+        Setting("zoom", LEAST_ZOOM, MOST_ZOOM, "doublings"),
+    )  # fmt: skip
+
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> ZoomedImage:
+        """Raises ConfigError: the file cannot be read."""
+        rect = self.rect([])
+        return ZoomedImage(open_pyramid(folder / self.file), (rect.width, rect.height), (self.x, self.y, self.zoom))
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: ZoomedImage) -> None:
+        """Write the pixels of a region."""
+        codes = prepared.codes()[region.inside(out.rect)]
+        alpha = codes[..., 3].astype(np.float32) / np.float32(255.0)
+        self._fill(out, region, DECODED[codes[..., :3]] * alpha[..., None], alpha, None)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where an area of pixels lies on a level of a pyramid."""
+
+    level: int
+    scale: float  # pixels of the area over those of the level
+    left: float  # of the area, pixels of the level
+    top: float
+
+
+class ZoomedImage(Following):
+    """The pixels of an area that looks at a pyramid; tiles that are missing are read by threads of its own.
+
+    Until they are there the pixels are made of coarser ones, which are read first.
+    """
+
+    def __init__(self, pyramid: Pyramid, size: tuple[int, int], looks_at: tuple[float, float, float]) -> None:
+        """`size`: width and height of the area; `looks_at`: x, y, zoom as of DeepZoom."""
+        self._pyramid, self._size, self._configured = pyramid, size, looks_at
+        self._looks_at = looks_at
+        self._lock = threading.Lock()
+        self._tiles: OrderedDict[TileKey, Codes] = OrderedDict()  # the newest last
+        self._bytes, self._most_bytes = 0, max(CACHE_BYTES, CACHE_PER_PIXEL * size[0] * size[1])
+        self._wanted: set[TileKey] = set()  # being read
+        self._shown: set[TileKey] = set()  # that the pixels were last made of, or would be
+        self._failed: dict[TileKey, str] = {}
+        self._came = True  # tiles, or another place, since the pixels were made
+        self._codes: Codes = np.zeros((size[1], size[0], 4), np.uint8)
+        self._readers: ThreadPoolExecutor | None = None
+
+    def follow(self, values: Mapping[str, float]) -> bool:
+        """See Following."""
+        x, y, zoom = (values.get(name, own) for name, own in zip(("x", "y", "zoom"), self._configured, strict=True))
+        if (x, y, zoom) != self._looks_at:
+            self._looks_at, self._came = (x, y, zoom), True
+        return self._came
+
+    @property
+    def waits(self) -> bool:
+        """Whether tiles are missing that will come."""
+        return bool(self._wanted)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why tiles could not be read; coarser ones stay in their place."""
+        with self._lock:
+            return tuple(self._failed.values())
+
+    def codes(self) -> Codes:
+        """(h, w, 4) uint8 of the whole area, sRGB and alpha: 0 beyond the image."""
+        if self._came:
+            self._came = False  # first: what comes while these pixels are made is for the next
+            self._shown = set()
+            self._codes = self._made(self._place())
+        return self._codes
+
+    def _place(self) -> Place:
+        """The finest level whose pixels are no smaller than half of the area's, or the image itself."""
+        shape, (width, height), (x, y, zoom) = self._pyramid.shape, self._size, self._looks_at
+        scale = 2.0**zoom * min(width / shape.width, height / shape.height)
+        level = min(max(shape.top + math.ceil(math.log2(scale)), 0), shape.top)
+        own = scale * 2.0 ** (shape.top - level)
+        part = 2.0 ** (level - shape.top)
+        left, top = x * shape.width * part - 0.5 * width / own, y * shape.height * part - 0.5 * height / own
+        return Place(level, own, left, top)
+
+    def _made(self, place: Place) -> Codes:
+        width, height = self._size
+        out: Codes = np.zeros((height, width, 4), np.uint8)
+        level_width, level_height = self._pyramid.shape.size(place.level)
+        # pixels of the area whose middle shows the image
+        left = max(math.ceil(-place.left * place.scale - 0.5), 0)
+        top = max(math.ceil(-place.top * place.scale - 0.5), 0)
+        right = min(math.floor((level_width - place.left) * place.scale + 0.5), width)
+        bottom = min(math.floor((level_height - place.top) * place.scale + 0.5), height)
+        if left >= right or top >= bottom:
+            return out
+        seen = (
+            max(place.left + left / place.scale, 0.0), max(place.top + top / place.scale, 0.0),
+            min(place.left + right / place.scale, level_width), min(place.top + bottom / place.scale, level_height),
+        )  # fmt: skip
+        margin = MARGIN * max(1.0, 1.0 / place.scale)
+        box = (
+            max(math.floor(seen[0] - margin), 0), max(math.floor(seen[1] - margin), 0),
+            min(math.ceil(seen[2] + margin), level_width), min(math.ceil(seen[3] + margin), level_height),
+        )  # fmt: skip
+        image = Image.fromarray(self._level(place.level, box), "RGBA")
+        inside = (seen[0] - box[0], seen[1] - box[1], seen[2] - box[0], seen[3] - box[1])
+        resample = Image.Resampling.BILINEAR if place.scale <= 1.0 else Image.Resampling.BICUBIC
+        out[top:bottom, left:right] = np.asarray(image.resize((right - left, bottom - top), resample, box=inside))
+        return out
+
+    def _level(self, level: int, box: Box) -> Codes:
+        """(h, w, 4) of a box of a level: of its tiles, and of coarser ones where these are not there yet."""
+        edge, middle = self._pyramid.shape.tile, ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
+        keys = list(self._pyramid.shape.tiles(level, box))
+        there = {key: codes for key in keys if (codes := self._known(key)) is not None}
+        out: Codes = np.zeros((box[3] - box[1], box[2] - box[0], 4), np.uint8)
+        if len(there) < len(keys):
+            if level > 0:
+                out[:] = self._coarser(level, box)  # whose tiles are read first
+            missing = [key for key in keys if key not in there]
+            missing.sort(key=lambda k: math.hypot((k[1] + 0.5) * edge - middle[0], (k[2] + 0.5) * edge - middle[1]))
+            self._want(missing)
+        for (_, column, row), codes in there.items():
+            x, y = column * edge - box[0], row * edge - box[1]
+            inside = np.s_[max(y, 0) : max(y + codes.shape[0], 0), max(x, 0) : max(x + codes.shape[1], 0)]
+            part = codes[max(-y, 0) :, max(-x, 0) :]
+            target = out[inside]
+            target[:] = part[: target.shape[0], : target.shape[1]]
+        return out
+
+    def _coarser(self, level: int, box: Box) -> Codes:
+        """What the next coarser level shows of a box."""
+        width, height = self._pyramid.shape.size(level - 1)
+        half = box[0] // 2, box[1] // 2, min(-(-box[2] // 2), width), min(-(-box[3] // 2), height)
+        twice = self._level(level - 1, half).repeat(2, axis=0).repeat(2, axis=1)
+        x, y = box[0] - 2 * half[0], box[1] - 2 * half[1]
+        return twice[y : y + box[3] - box[1], x : x + box[2] - box[0]]
+
+    def _known(self, key: TileKey) -> Codes | None:
+        """A tile, if it is in memory."""
+        if self._pyramid.at_once:
+            return self._pyramid.tile(key)
+        with self._lock:
+            self._shown.add(key)
+            if (codes := self._tiles.get(key)) is not None:
+                self._tiles.move_to_end(key)
+            return codes
+
+    def _want(self, keys: Sequence[TileKey]) -> None:
+        """Let tiles be read, one after the other."""
+        with self._lock:
+            new = [key for key in keys if key not in self._wanted and key not in self._failed]
+            self._wanted.update(new)
+            if self._readers is None:
+                self._readers = ThreadPoolExecutor(READERS, thread_name_prefix="tiles")
+        for key in new:
+            self._readers.submit(self._read, key)
+
+    def _read(self, key: TileKey) -> None:
+        codes, why = None, ""
+        if key in self._shown:  # else it was passed by meanwhile
+            try:
+                codes = self._pyramid.tile(key)
+            except ConfigError as error:
+                why = str(error)
+        with self._lock:
+            self._wanted.discard(key)
+            if why:
+                self._failed[key] = why
+            if codes is None:
+                return
+            self._tiles[key] = codes
+            self._bytes += codes.nbytes
+            while self._bytes > self._most_bytes and len(self._tiles) > 1:
+                self._bytes -= self._tiles.popitem(last=False)[1].nbytes
+            self._came = True

@@ -1,0 +1,38 @@
+"""Settings of the graph's nodes as parameters, `nodes.ID.KEY`: edited, undone and animated as those of scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from wall.compositing.executor import Settings
+from wall.compositing.graph import Graph
+from wall.config.schema import Config
+from wall.operators.base import Operator
+from wall.scene.build import Scene
+from wall.scene.parameters import Numbers, Parameter, parameters_of_views
+
+NODES = "nodes."
+
+
+def all_parameters(scenes: Sequence[Scene], graph: Graph, config: Config) -> dict[str, Parameter]:
+    """Those of a scene as its views show it, see parameters_of_views, and of the graph's nodes."""
+    found = parameters_of_views(scenes, exposure=config.views[0].exposure)
+    return found | {each.name: each for each in _of_nodes(graph)}
+
+
+def _of_nodes(graph: Graph) -> Iterator[Parameter]:
+    for step in graph.steps:
+        for key, low, high, unit in step.node.SETTINGS if isinstance(step.node, Operator) else ():
+            default = (float(getattr(step.node, key)),)
+            name = f"{NODES}{step.node.id}.{key}"
+            yield Parameter(name=name, kind="number", low=low, high=high, unit=unit, default=default)
+
+
+def settings_of(values: Mapping[str, Numbers]) -> Settings:
+    """Settings by node, of parameters that are not as configured."""
+    found: dict[str, dict[str, float]] = {}
+    for name, numbers in values.items():
+        if name.startswith(NODES):
+            node, _, key = name.removeprefix(NODES).rpartition(".")
+            found.setdefault(node, {})[key] = numbers[0]
+    return found
