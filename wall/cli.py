@@ -333,6 +333,24 @@ def convert(
 
 
 @app.command()
+def tiles(
+    image: Annotated[Path, typer.Argument(help="A PNG, JPEG or TIFF file", show_default=False)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Deep Zoom Image to write, NAME.dzi")],
+    tile_format: Annotated[str, typer.Option("--format", help="jpg; or png: without loss, with alpha")] = "jpg",
+) -> None:
+    """Cut a very large image into tiles, for `deep_zoom` nodes and other viewers of Deep Zoom Images.
+
+    [bold]wall tiles map.tif -o map.dzi[/]
+    """
+    from wall.commands.progress import progress_bar
+    from wall.commands.tiles import TILE, cut_up, format_of
+
+    with progress_bar("cutting up") as advance:
+        shape = cut_up(image, output, format_of(tile_format), lambda done, total: advance(completed=done, total=total))
+    console.print(f"wrote {output}: {shape.width}x{shape.height}, {shape.top + 1} levels of {TILE}x{TILE} tiles")
+
+
+@app.command()
 def schema(
     output: Annotated[Path | None, typer.Option("-o", help="File to write; the terminal if left out")] = None,
 ) -> None:

@@ -28,6 +28,7 @@ LEAST_ZOOM, MOST_ZOOM = -8.0, 26.0  # doublings
 CACHE_BYTES = 256 << 20  # of tiles in memory,
 CACHE_PER_PIXEL = 40  # or so many for each pixel of the area: what is shown takes up to 22
 READERS = 2  # threads
+OPAQUE = np.uint8(255)
 MARGIN = 2  # pixels of a level around what is shown: what its filter reads
 DECODED = srgb_decoded(np.arange(256, dtype=np.float32) / np.float32(255.0))
 
@@ -102,8 +103,8 @@ class ZoomedImage(Following):
 
     @property
     def waits(self) -> bool:
-        """Whether tiles are missing that will come."""
-        return bool(self._wanted)
+        """Whether tiles are missing that will come, or have come and are not shown yet."""
+        return bool(self._wanted) or self._came
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -141,18 +142,24 @@ class ZoomedImage(Following):
         if left >= right or top >= bottom:
             return out
         seen = (
-            max(place.left + left / place.scale, 0.0), max(place.top + top / place.scale, 0.0),
-            min(place.left + right / place.scale, level_width), min(place.top + bottom / place.scale, level_height),
+            place.left + left / place.scale, place.top + top / place.scale,
+            place.left + right / place.scale, place.top + bottom / place.scale,
         )  # fmt: skip
         margin = MARGIN * max(1.0, 1.0 / place.scale)
         box = (
             max(math.floor(seen[0] - margin), 0), max(math.floor(seen[1] - margin), 0),
             min(math.ceil(seen[2] + margin), level_width), min(math.ceil(seen[3] + margin), level_height),
         )  # fmt: skip
-        image = Image.fromarray(self._level(place.level, box), "RGBA")
-        inside = (seen[0] - box[0], seen[1] - box[1], seen[2] - box[0], seen[3] - box[1])
+        # pixels at the edge of the image reach half beyond it
+        codes = np.pad(self._level(place.level, box), ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
+        opaque = bool((codes[..., 3] == OPAQUE).all())  # else Pillow multiplies by alpha, and rounds
+        image = Image.fromarray(codes[..., :3] if opaque else codes)
+        x, y = box[0] - MARGIN, box[1] - MARGIN
+        inside = (seen[0] - x, seen[1] - y, seen[2] - x, seen[3] - y)
         resample = Image.Resampling.BILINEAR if place.scale <= 1.0 else Image.Resampling.BICUBIC
-        out[top:bottom, left:right] = np.asarray(image.resize((right - left, bottom - top), resample, box=inside))
+        shown = np.asarray(image.resize((right - left, bottom - top), resample, box=inside))
+        out[top:bottom, left:right, : shown.shape[2]] = shown
+        out[top:bottom, left:right, 3] = OPAQUE if opaque else shown[..., 3]
         return out
 
     def _level(self, level: int, box: Box) -> Codes:

@@ -105,7 +105,9 @@ def read_descriptor(path: Path) -> tuple[Shape, str]:
         if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
             raise ValueError("it declares entities")
         image = xml.etree.ElementTree.fromstring(text)
-        size = next(each for each in image if each.tag.rpartition("}")[2] == "Size")
+        size = next((each for each in image if each.tag.rpartition("}")[2] == "Size"), None)
+        if size is None:
+            raise ValueError("it names no Size")
         width, height = int(size.attrib["Width"]), int(size.attrib["Height"])
         tile, overlap = int(image.attrib["TileSize"]), int(image.attrib["Overlap"])
         suffix = image.attrib["Format"].lower()
@@ -115,8 +117,8 @@ def read_descriptor(path: Path) -> tuple[Shape, str]:
             raise ValueError(f"TileSize {tile}, Overlap {overlap}; wanted tiles of 1 to {MOST_TILE} and less overlap")
         if not re.fullmatch("png|jpg|jpeg", suffix):
             raise ValueError(f"Format {suffix!r}, wanted png, jpg or jpeg")
-    except (OSError, ValueError, KeyError, StopIteration, xml.etree.ElementTree.ParseError) as error:
-        raise ConfigError(f"{path}: is no Deep Zoom Image that can be read ({error or type(error).__name__})") from None
+    except (OSError, ValueError, KeyError, xml.etree.ElementTree.ParseError) as error:
+        raise ConfigError(f"{path}: is no Deep Zoom Image that can be read ({error})") from None
     return Shape(width, height, tile, overlap), suffix
 
 
@@ -141,11 +143,16 @@ def _whole(path: Path) -> Pyramid:
             if width * height > MOST_WHOLE:
                 most = f"at most {MOST_WHOLE} are read whole; wall tiles cuts it up"
                 raise ValueError(f"{width} x {height} pixels, {most}")
-            levels = list(halved(image.convert("RGBA")))
+            levels = list(halved(image.convert("RGBA" if has_alpha(image) else "RGB")))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise ConfigError(f"{path}: cannot be read as an image: {error}") from error
-    codes = [np.asarray(level) for level in reversed(levels)]
+    codes = [np.asarray(level.convert("RGBA")) for level in reversed(levels)]
     return Pyramid(path, Shape(width, height, max(width, height)), lambda key: codes[key[0]], at_once=True)
+
+
+def has_alpha(image: Image.Image) -> bool:
+    """Whether some of its pixels may not be opaque."""
+    return "A" in image.getbands() or "transparency" in image.info
 
 
 def halved(image: Image.Image) -> Iterator[Image.Image]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
 from wall.config.graph import FrameSync, SkyNode
-from wall.core.data import Batch, Event, Framelet, Rect, Region, StatisticsImage
+from wall.core.data import NO_EDITS, Batch, Event, Framelet, Rect, Region, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.display.base import PanelSamples
@@ -355,7 +355,7 @@ class _Nodes:
         self.executor = Executor(graph, rank, sources, layout.loaded.folder, reproject)
         self.outlets = outlets
         self.shown = [PanelCrops(graph, sink, layout.wall) for sink in graph.sinks_on(rank)]
-        self._lockstep, self._scene = lockstep, plan.scene
+        self._lockstep, self._scene, self._edits = lockstep, plan.scene, NO_EDITS
 
     def begin_with(self, before: _Nodes) -> None:
         known = {(old.step.node.id, old.step.rect): old.framelet for old in before.remote.values()}
@@ -374,7 +374,9 @@ class _Nodes:
         for remote in self.remote.values():
             remote.show(now, force=force)
         arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}
-        values = self._scene.values(event.scene_time, event.edits) if self.executor.follows else {}
+        if event.edits.number > self._edits.number:  # another view's event may lack the newest
+            self._edits = event.edits
+        values = self._scene.values(event.scene_time, self._edits) if self.executor.follows else {}
         changes = self.executor.step({**fresh, **arrived}, event, settings_of(values))
         for shown in self.shown:
             shown.take(changes, self.executor.framelets)
