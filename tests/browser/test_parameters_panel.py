@@ -7,7 +7,7 @@ import math
 import pytest
 from page_input import drag, eventually, middle
 
-from wall.display.base import ParameterState
+from wall.display.base import ParameterState, ZoomedPlace
 
 pytestmark = pytest.mark.browser
 
@@ -189,3 +189,34 @@ def test_a_double_click_selects_an_object_and_x_hides_it(page, source):
     eventually(page, lambda: sets(source) == [{"kind": "set", "name": "objects.urn.visible", "numbers": [0]}], "hidden")
     page.keyboard.press("z")
     eventually(page, lambda: source.received[-1] == {"kind": "undo"}, "and taken back")
+
+
+def test_drag_and_wheel_over_a_very_large_image_move_it_and_no_camera(page, source):
+    """It fits 80 x 60 pixels of the second panel, at a zoom of 1; the point under the wheel stays where it is."""
+    names = {"x": (0.0, 1.0, 0.5), "y": (0.0, 1.0, 0.5), "zoom": (-8.0, 26.0, 1.0)}
+    source.offered = tuple(
+        offer(f"nodes.photo.{key}", "number", value, low=low, high=high) for key, (low, high, value) in names.items()
+    )
+    second = source.wall.panels[1]
+    (x, y), (width, height) = second.screen, second.pixels
+    place = ZoomedPlace(node="photo", x=x, y=y, width=width, height=height, fit=(80.0, 60.0))
+    source.sink.lay_out(source.wall, list(source.views), (), [place])
+    page.wait_for_selector("#parameters:not([hidden])")
+    box = page.locator(f".panel:has([data-panel={second.id}])").bounding_box()
+    scale = box["width"] / width  # CSS pixels a pixel
+    page.mouse.move(box["x"] + box["width"] / 2 + 10 * scale, box["y"] + box["height"] / 2)
+    page.mouse.wheel(0, -400)
+    eventually(page, lambda: source.values.get("nodes.photo.zoom") is not None, "the image was enlarged")
+    zoom = source.values["nodes.photo.zoom"][0]
+    assert zoom > 1.5
+    assert source.values["nodes.photo.x"][0] == pytest.approx(0.5 + 10 / 80 * (2**-1 - 2**-zoom), abs=1e-3)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2 + 10 * scale, box["y"] + box["height"] / 2 + 6 * scale, steps=4)
+    page.mouse.up()
+    eventually(page, lambda: source.values.get("nodes.photo.y") is not None, "the image was moved")
+    page.wait_for_timeout(200)
+    assert source.values["nodes.photo.y"][0] == pytest.approx(0.5 - 6 / 60 * 2**-zoom, abs=2e-3)
+    assert {command["kind"] for command in source.received} == {"set"}
+    page.mouse.move(box["x"] - 0.7 * box["width"], box["y"] + box["height"] / 2)
+    page.mouse.wheel(0, -120)
+    eventually(page, lambda: source.received[-1]["kind"] == "zoom", "the camera came nearer")

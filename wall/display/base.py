@@ -178,11 +178,25 @@ class Steered(Sink, Protocol):
         """What viewers asked for since the last call."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoomedPlace:
+    """Where a node shows a part of a very large image, virtual screen pixels."""
+
+    node: str
+    x: int
+    y: int
+    width: int
+    height: int
+    fit: tuple[float, float]  # width and height of the whole image there at zoom 0
+
+
 @runtime_checkable
 class LaysOut(Sink, Protocol):
     """A sink that tells its viewers where panels and views are."""
 
-    def lay_out(self, wall: Wall, views: Sequence[str], why_images: Sequence[str]) -> None:
+    def lay_out(
+        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace]
+    ) -> None:
         """Tell these from now on; the panels are those of before."""
 
 

@@ -20,7 +20,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError
-from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage
+from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.gate import Pace
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
 from wall.display.parts import Held, Part, part_of
@@ -143,9 +143,11 @@ class Browser:
             self._newest = (self._newest[0], status)
             self._server.call(self._wake_viewers)
 
-    def lay_out(self, wall: Wall, views: Sequence[str], why_images: Sequence[str]) -> None:
-        """Tell all viewers where panels, insets and views are from now on; the panels are those of before."""
-        self._layout = layout_message(wall, views, why_images)
+    def lay_out(
+        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace] = ()
+    ) -> None:
+        """Tell all viewers where panels, insets, views, images are from now on; the panels are those of before."""
+        self._layout = layout_message(wall, views, why_images, images)
         self._server.call(self._wake_viewers)
 
     def commands(self) -> list[dict[str, Any]]:

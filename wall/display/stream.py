@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wall.core.data import StatisticsImage
-from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage
+from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.sample_store import Samples
 from wall.display.steering import OVERLAYS
 from wall.display.tiles import packed
@@ -142,11 +142,13 @@ def handles_message(handles: Handles | None) -> str:
 WATCHING = json.dumps({"kind": "access", "steers": False})  # to a viewer that may change nothing
 
 
-def layout_message(wall: Wall, views: Sequence[str], why_images: Sequence[str] = ()) -> str:
+def layout_message(
+    wall: Wall, views: Sequence[str], why_images: Sequence[str] = (), images: Sequence[ZoomedPlace] = ()
+) -> str:
     """Rectangles of panels and insets in virtual screen pixels, and which of `views`, their names, each shows.
 
     The first message on every connection. `why_images`: for each panel why it always comes as images, "" if it need
-    not; left out: none has samples.
+    not; left out: none has samples. `images`: very large ones whose place can be changed.
     """
     why_images = why_images or [NO_SAMPLES] * len(wall.panels)
     panels = [
@@ -168,7 +170,8 @@ def layout_message(wall: Wall, views: Sequence[str], why_images: Sequence[str] =
         for p in wall.insets
     ]
     size = {"width": wall.width, "height": wall.height}
-    return json.dumps({"kind": "layout", **size, "panels": panels, "insets": insets, "views": list(views)})
+    others = {"insets": insets, "views": list(views), "images": [asdict(image) for image in images]}
+    return json.dumps({"kind": "layout", **size, "panels": panels, **others})
 
 
 def status_message(status: Status, **more: Any) -> str:

@@ -21,7 +21,7 @@ from wall.core.data import Framelet, Rect
 from wall.core.errors import ConfigError
 from wall.core.fields import Number, Text
 from wall.operators.base import Following, Setting
-from wall.operators.pyramid import Codes, Pyramid, TileKey, open_pyramid
+from wall.operators.pyramid import Codes, Pyramid, TileKey, open_pyramid, size_of
 from wall.operators.sources import Source
 
 LEAST_ZOOM, MOST_ZOOM = -8.0, 26.0  # doublings
@@ -51,6 +51,12 @@ class DeepZoom(Source):
         Setting("x", 0.0, 1.0, "of the width"), Setting("y", 0.0, 1.0, "of the height"),
         Setting("zoom", LEAST_ZOOM, MOST_ZOOM, "doublings"),
     )  # fmt: skip
+
+    def fit(self, folder: Path) -> tuple[float, float]:
+        """Width and height of the whole image in pixels of the area, at zoom 0. Raises ConfigError."""
+        rect, (width, height) = self.rect([]), size_of(folder / self.file)
+        scale = min(rect.width / width, rect.height / height)
+        return scale * width, scale * height
 
     def prepare(self, folder: Path, inputs: Sequence[Rect]) -> ZoomedImage:
         """Raises ConfigError: the file cannot be read."""

@@ -84,6 +84,18 @@ def open_pyramid(path: Path) -> Pyramid:
     return _of_tiles(path) if path.suffix.lower() == ".dzi" else _whole(path)
 
 
+def size_of(path: Path) -> tuple[int, int]:
+    """Width and height of a pyramid's image, of which no pixel is read. Raises ConfigError."""
+    if path.suffix.lower() == ".dzi":
+        shape, _ = read_descriptor(path)
+        return shape.width, shape.height
+    try:
+        with Image.open(path, formats=WHOLE_FORMATS) as image:
+            return image.size
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ConfigError(f"{path}: cannot be read as an image: {error}") from error
+
+
 def _of_tiles(path: Path) -> Pyramid:
     shape, suffix = read_descriptor(path)
     folder = path.with_name(f"{path.stem}_files")

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from wall.compositing.executor import Settings
 from wall.compositing.graph import Graph
 from wall.config.schema import Config
+from wall.core.errors import ConfigError
+from wall.display.base import ZoomedPlace
 from wall.operators.base import Operator
+from wall.operators.deep_zoom import DeepZoom
 from wall.scene.build import Scene
 from wall.scene.parameters import Numbers, Parameter, parameters_of_views
+
+if TYPE_CHECKING:  # which takes its parameters from here
+    from wall.roles.plan import Layout
 
 NODES = "nodes."
 
@@ -35,4 +43,18 @@ def settings_of(values: Mapping[str, Numbers]) -> Settings:
         if name.startswith(NODES):
             node, _, key = name.removeprefix(NODES).rpartition(".")
             found.setdefault(node, {})[key] = numbers[0]
+    return found
+
+
+def zoomed_places(layout: Layout) -> list[ZoomedPlace]:
+    """Where nodes show parts of very large images; without those whose file cannot be read here."""
+    found = []
+    for step in layout.graph.steps:
+        if isinstance(step.node, DeepZoom):
+            with suppress(ConfigError):
+                width, height = step.node.fit(layout.loaded.folder)
+                r = step.rect
+                found.append(
+                    ZoomedPlace(node=step.node.id, x=r.x, y=r.y, width=r.width, height=r.height, fit=(width, height))
+                )
     return found

@@ -15,6 +15,7 @@ from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
 from wall.packets.control import MAX_COMMANDS, WindowInput
 from wall.roles.handed_samples import why_images
+from wall.roles.node_settings import zoomed_places
 from wall.roles.plan import Plan, window_panels
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def make_sinks(
                 **_access(layout.loaded),
             )  # fmt: skip
         sinks.append(sink)
+    lay_out(plan, [browser])
     return sinks, browser
 
 
@@ -89,7 +91,8 @@ def lay_out(plan: Plan, sinks: list[Sink | None]) -> None:
     """Let sinks tell their viewers of this plan's panels and views."""
     for sink in sinks:
         if isinstance(sink, LaysOut):
-            sink.lay_out(plan.layout.wall, [view.id for view in plan.views], why_images(plan.layout))
+            views = [view.id for view in plan.views]
+            sink.lay_out(plan.layout.wall, views, why_images(plan.layout), zoomed_places(plan.layout))
 
 
 def distinct(sinks: list[Sink | None]) -> list[Sink]:

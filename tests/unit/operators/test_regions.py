@@ -35,6 +35,7 @@ CASES: dict[str, tuple[Operator, int]] = {  # the operator, and how many inputs 
     "constant": (made(OPERATORS["constant"], area=(3, 4, 9, 8), colour=(0.1, 2.0, 0.3), alpha=0.5, depth=4.0), 0),
     "crop": (made(OPERATORS["crop"], input="a", area=(-1, 1, 9, 9)), 1),
     "curve": (Curve(op="curve", id="it", input="a", panel="p").placed(BOWL), 1),
+    "deep_zoom": (made(OPERATORS["deep_zoom"], area=(-2, 3, 23, 19), file="spot.png", x=0.4, zoom=0.3), 0),
     "denoise": (made(OPERATORS["denoise"], input="a"), 1),
     "depth": (made(OPERATORS["depth"], inputs=THREE), 3),
     "encode": (made(OPERATORS["encode"], input="a"), 1),

@@ -11,6 +11,7 @@ import { Readout, short } from "./readout.js";
 import { Steering } from "./steering.js";
 import { Viewports } from "./viewports.js";
 import { Wall } from "./wall.js";
+import { Zoomed } from "./zoomed.js";
 
 const HEADER_BYTES = 20;          // wall/display/stream.py, HEADER
 const [STATISTICS, SAMPLES] = ["S", "N"].map((letter) => letter.charCodeAt(0));  // second byte of a message; tiles: "P"
@@ -41,6 +42,7 @@ const focusButton = document.getElementById("focus");
 const display = new Display(wall, (name) => send({ kind: "display", value: name }));
 const bookmarks = new Bookmarks(
   document.getElementById("bookmarks"), document.getElementById("keep"), (command) => send(command));
+const zoomed = new Zoomed((command) => send(command));
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
@@ -74,6 +76,7 @@ function take(message, pictures) {
     allow(true);
     wall.build(message);
     viewports.build(message);
+    zoomed.build(message);
     handles.show({ places: [] });                              // until the run says it anew
     readout.connected();
     display.build(message);
@@ -85,6 +88,7 @@ function take(message, pictures) {
   } else if (message.kind === "parameters") {
     parameters.show(message.parameters);
     handles.limit(message.parameters);
+    zoomed.follow(message.parameters);
     focusButton.hidden = !message.parameters.some((p) => p.name === "lens.focus");
   } else if (message.kind === "handles") {
     handles.show(message);
@@ -195,7 +199,9 @@ document.getElementById("wall").ondblclick = (event) => {
 // A drag or the wheel steers what is beneath the pointer.
 function takeView(event) {
   const place = wall.at(event.clientX, event.clientY);
-  if (place) viewports.take(place);
+  if (!place) return;
+  viewports.take(place);
+  zoomed.take(place);
 }
 
 function nextView() {
@@ -242,6 +248,8 @@ steering.actions = {
   keep: () => bookmarks.keep(),
   recall: () => bookmarks.next(),
   take: takeView,
+  image: (dx, dy, factor) => zoomed.move(dx, dy, factor),
+  resetImage: () => zoomed.reset(),
   next: nextView,
 };
 steering.view = () => viewports.steered;

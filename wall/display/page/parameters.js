@@ -89,6 +89,7 @@ function titled(name) {
   if (head === "lights") return [`Light ${name.slice(first + 1, last)}`, label];
   if (head === "cuts") return [`Cut ${name.slice(first + 1, last)}`, label];
   if (head === "objects") return [`Object ${name.slice(first + 1, last)}`, label];
+  if (head === "nodes") return [`Image ${name.slice(first + 1, last)}`, label];
   if (head === "materials") return [name.slice(first + 1, last), label];
   return [head[0].toUpperCase() + head.slice(1), label];
 }

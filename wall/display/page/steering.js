@@ -44,7 +44,7 @@ export class Steering {
     this.#send({ kind: "pause" });
   }
 
-  reset() { this.#steer({ kind: "reset" }); }
+  reset() { if (!this.actions.resetImage?.()) this.#steer({ kind: "reset" }); }
 
   #steer(command) { this.#send(this.view() ? { ...command, view: this.view() } : command); }
 
@@ -75,6 +75,7 @@ export class Steering {
     this.#hold(now);
     const { orbit, pan, zoom } = this.#sum;
     this.#sum = { orbit: [0, 0], pan: [0, 0], zoom: 1 };
+    if (this.actions.image?.(orbit[0] + pan[0], orbit[1] + pan[1], zoom)) return;
     if (orbit[0] || orbit[1]) this.#steer({ kind: "orbit", x: clamp(orbit[0], MAX_DRAG), y: clamp(orbit[1], MAX_DRAG) });
     if (pan[0] || pan[1]) this.#steer({ kind: "pan", x: clamp(pan[0], MAX_DRAG), y: clamp(pan[1], MAX_DRAG) });
     if (zoom !== 1) this.#steer({ kind: "zoom", x: Math.max(1 / MAX_ZOOM, Math.min(MAX_ZOOM, zoom)) });
