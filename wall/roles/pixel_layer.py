@@ -42,7 +42,7 @@ class PixelLayer:
         return statistics_image_of(self.buffer, [], self._panel.index, compared=self._compared, now=now)
 
 
-def compared_layer(panel: Panel) -> PixelLayer:
-    """Make the layer of the second sampler of a comparison: opaque, black until samples come."""
-    framelet = blank_framelet(panel, frozenset({"colour"}), encoded=True, order=0)
+def compared_layer(panel: Panel, framelet: Framelet | None = None) -> PixelLayer:
+    """Make the layer of the second sampler of a comparison: opaque; without a framelet black until samples come."""
+    framelet = framelet or blank_framelet(panel, frozenset({"colour"}), encoded=True, order=0)
     return PixelLayer(panel, framelet, compared=True)

@@ -128,6 +128,25 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
     assert panel.compared is None
 
 
+def test_another_sampler_to_compare_with_is_shown_too(
+    plan: Plan, tracer_scene: TracerScene, compiled_only: None
+) -> None:
+    """The second image that sinks get stood still once the sampler was changed while two were compared."""
+    shown = []
+    for others in (["framed"], ["frameless", "framed"]):
+        single = SingleProcess(plan, tracer_scene)
+        for k, other in enumerate(others, start=1):
+            single.event = replace(single.event, compare=other, camera_event=k)
+            for _ in range(40):
+                single.step()
+        single.event = replace(single.event, camera_event=9)
+        single.until_complete()
+        (image,) = single.composition.compared()[0].images()
+        shown.append(image.rgb)
+    assert shown[0].std() > 10
+    assert np.array_equal(*shown)
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int, compiled_only: None) -> None:
     text = TEXT.replace("samples_per_batch", f"threads: {threads}, samples_per_batch")
