@@ -139,7 +139,9 @@ def test_another_sampler_to_compare_with_is_shown_too(
             single.event = replace(single.event, compare=other, camera_event=k)
             for _ in range(40):
                 single.step()
-        single.event = replace(single.event, camera_event=9)
+        x, y, z = single.event.camera.position
+        elsewhere = replace(single.event.camera, position=(x + 0.5, y, z))  # at rest both samplers show the same
+        single.event = replace(single.event, camera_event=9, camera=elsewhere)
         single.until_complete()
         (image,) = single.composition.compared()[0].images()
         shown.append(image.rgb)
