@@ -45,6 +45,9 @@ def render(
         str | None,
         typer.Option(help="Layers of an .exr, with commas between: albedo, normal, depth, variance, object_id; or all"),
     ] = None,
+    denoise: Annotated[
+        bool, typer.Option("--denoise", help="Estimate the image behind the noise: Open Image Denoise, pip: pyoidn")
+    ] = False,
     frames: Annotated[
         str | None, typer.Option(help="FIRST:LAST[:STEP]: many images, of the moments frame number / --rate")
     ] = None,
@@ -79,19 +82,25 @@ def render(
         if output is None:
             raise ConfigError("-o is missing; wanted a file, such as wall.png")
         check_suffix(output, layers=bool(names))
-        _render_image(planned, output, quality, at=at, layers=names)
+        _render_image(planned, output, quality, at=at, layers=names, denoise=denoise)
         return
-    if names or at:
-        raise ConfigError(f"--frames with {'--layers' if names else '--at'}: frames are images of moments of their own")
+    if names or at or denoise:
+        other = "--layers" if names else "--at" if at else "--denoise"
+        raise ConfigError(f"--frames with {other}: frames are images of moments of their own, without layers")
     _render_frames(planned, output, quality, frames=frames, rate=rate, film=film)
 
 
-def _render_image(planned: Callable[[], Plan], output: Path, quality: Quality, *, at: float, layers: Names) -> None:
+def _render_image(
+    planned: Callable[[], Plan], output: Path, quality: Quality, *, at: float, layers: Names, denoise: bool
+) -> None:
     from wall.commands.progress import progress_bar
     from wall.commands.render import render_layers
     from wall.display.image_file import write_image, write_layers
+    from wall.operators.denoise import denoised, load_denoiser
     from wall.roles.plan import exposure_at
 
+    denoiser = load_denoiser("--denoise") if denoise else None
+    needed = tuple(dict.fromkeys((*layers, *(("albedo", "normal") if denoise else ()))))
     with progress_bar("rendering") as update:
         plan = planned()
         found = render_layers(
@@ -100,14 +109,16 @@ def _render_image(planned: Callable[[], Plan], output: Path, quality: Quality, *
             seed=quality.seed,
             size=quality.size,
             at=at,
-            layers=layers,
+            layers=needed,
             progress=lambda done, total: update(completed=done, total=total),
         )
     if found is None:
         return
+    if denoiser is not None:
+        found["colour"] = denoised(denoiser, found["colour"], found["albedo"], found["normal"], quality="high")
     image = found["colour"]
     if layers:
-        write_layers(output, found)
+        write_layers(output, {name: found[name] for name in ("colour", *layers)})
     else:
         write_image(output, image, stops=exposure_at(plan, at))
     size = f"{image.shape[1]}x{image.shape[0]}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,7 @@ from wall.operators.regions import copy, pixels_of
 
 INSTALL = "pip install 'pyoidn>=2.5'"
 Denoiser = Callable[..., Float32]
+Quality: TypeAlias = Literal["fast", "balanced", "high"]
 
 
 class Denoise(Operator):
@@ -27,7 +28,7 @@ class Denoise(Operator):
 
     op: Literal["denoise"] = Field(description="Open Image Denoise")
     input: Input
-    quality: Literal["fast", "balanced", "high"] = Field(default="balanced", description="the faster, the coarser")
+    quality: Quality = Field(default="balanced", description="the faster, the coarser")
 
     USES: ClassVar[Channels] = frozenset({"albedo", "normal"})  # samples of paths bring them
     LOSES: ClassVar[Channels] = frozenset({"variance"})  # that of the estimate is unknown
@@ -37,29 +38,37 @@ class Denoise(Operator):
         return inputs[0]
 
     def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Denoiser:
-        """Raises ConfigError saying what to install if pyoidn is missing, too old, or cannot load its library."""
-        try:
-            from pyoidn import denoise
-        except (ImportError, OSError) as error:
-            raise ConfigError(
-                f"denoise '{self.id}': cannot use pyoidn ({error}), wanted it installed: {INSTALL}"
-            ) from error
-        return denoise  # type: ignore[no-any-return]
+        """See load_denoiser."""
+        return load_denoiser(f"denoise '{self.id}'")
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Denoiser) -> None:
         """Raises RunError when the library fails."""
         source = inputs[0]
         copy(source, out, region, but=frozenset({"colour"}))
         try:
-            noisy = np.maximum(source.colour, np.float32(0.0))
-            colour = prepared(noisy, hdr=True, quality=self.quality, **_surfaces(source))
+            colour = denoised(prepared, source.colour, source.albedo, source.normal, quality=self.quality)
         except RuntimeError as error:
             raise RunError(f"denoise '{self.id}': {error}") from error
         pixels_of(out, "colour", region)[...] = colour[region.inside(source.rect)]
 
 
-def _surfaces(source: Framelet) -> dict[str, Float32]:
-    """The framelet's albedo and normal; none where it has none, or they are blank: no sample brought any."""
-    if source.albedo is None or source.normal is None or not source.albedo.any():
-        return {}
-    return {"albedo": np.clip(source.albedo, np.float32(0.0), np.float32(1.0)), "normal": source.normal}
+def load_denoiser(who: str) -> Denoiser:
+    """Open Image Denoise. Raises ConfigError saying what to install where pyoidn is missing, or cannot load it."""
+    try:
+        from pyoidn import denoise
+    except (ImportError, OSError) as error:
+        raise ConfigError(f"{who}: cannot use pyoidn ({error}), wanted it installed: {INSTALL}") from error
+    return denoise  # type: ignore[no-any-return]
+
+
+def denoised(
+    denoiser: Denoiser, colour: Float32, albedo: Float32 | None, normal: Float32 | None, *, quality: Quality
+) -> Float32:
+    """(h, w, 3) float32 linear RGB of a noisy image; `albedo` and `normal` (h, w, 3) are used where samples bring them.
+
+    Raises RuntimeError when the library fails.
+    """
+    surfaces: dict[str, Float32] = {}
+    if albedo is not None and normal is not None and albedo.any():  # else blank: no sample brought any
+        surfaces = {"albedo": np.clip(albedo, np.float32(0.0), np.float32(1.0)), "normal": normal}
+    return denoiser(np.maximum(colour, np.float32(0.0)), hdr=True, quality=quality, **surfaces)
