@@ -41,6 +41,7 @@ def test_help_imports_no_command_and_none_of_its_libraries() -> None:
         "wall.core",
         "wall.core.errors",
         "wall.core.garbage",
+        "wall.core.mpi",
         "wall.commands",
         "wall.commands.terminal",
     }

@@ -18,10 +18,10 @@ from wall.commands.offline import OfflineRenderer, bands_of, event_at, panels_of
 from wall.commands.render import assembled
 from wall.core.data import Event, Float32
 from wall.core.errors import ConfigError
+from wall.core.mpi import under_mpi
 from wall.display.film import check_film, write_film
 from wall.display.image_file import check_suffix, display_values, write_image
 from wall.roles.plan import Plan
-from wall.run.bootstrap import under_mpi
 from wall.sampling.pixel_layers import blank_columns
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 

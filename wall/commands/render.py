@@ -10,8 +10,8 @@ import numpy as np
 
 from wall.commands.offline import Band, OfflineRenderer, bands_of, event_at, image_size, panels_of, tiles_of
 from wall.core.data import Float32
+from wall.core.mpi import under_mpi
 from wall.roles.plan import Layout, Plan
-from wall.run.bootstrap import under_mpi
 from wall.run.same_files import check_same
 from wall.sampling.pixel_layers import Layer, blank_columns, unstacked
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene

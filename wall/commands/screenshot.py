@@ -28,12 +28,12 @@ from wall.config.loading import Loaded
 from wall.core.colour import srgb_decoded
 from wall.core.data import Rect
 from wall.core.errors import ConfigError
+from wall.core.mpi import under_mpi
 from wall.display.image_file import display_values
 from wall.display.png import BEZEL_RGB, file_names
 from wall.display.strip_file import STRIP_ROWS, check_file, is_linear, write_strips
 from wall.geometry.panels import Panel, Plane
 from wall.roles.plan import Layout, make_layout, make_plan
-from wall.run.bootstrap import under_mpi
 from wall.tracing.tracer_scene import make_tracer_scene
 
 

@@ -17,7 +17,7 @@ from rich.text import Text
 
 from wall.core.errors import ConfigError, EditError, WallError
 from wall.core.garbage import collect_as_usual, collect_rarely
-from wall.run.bootstrap import mpi_rank, under_mpi
+from wall.core.mpi import mpi_rank, under_mpi
 
 if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` does without
     from wall.config.loading import Loaded
@@ -141,8 +141,6 @@ def load_config(path: Path, scene: Path | None = None, *, up: str | None = None,
 
 def print_notes(plan: Plan) -> None:
     """Say what is unusual about the wall, and what of its models is not drawn as their files say; at rank 0 alone."""
-    from wall.run.bootstrap import mpi_rank
-
     for note in (*plan.layout.notes, *plan.scene.notes) if mpi_rank() == 0 else ():
         errors.print(f"note: {note}")
 

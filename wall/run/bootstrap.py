@@ -7,7 +7,6 @@ the others, after it has loaded the scene and the kernels, so that they start at
 from __future__ import annotations
 
 import ctypes
-import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -16,9 +15,7 @@ from typing import Protocol
 
 from wall.transport.curve import Keys
 
-MPI_RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 _PR_SET_PDEATHSIG = 1
-MPI_MARKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "MPI_LOCALNRANKS")
 
 
 class Bootstrap(Protocol):
@@ -44,16 +41,6 @@ class Bootstrap(Protocol):
     def finish(self, *, told: bool = True) -> None:
         """End what was started, within a bounded time; at once where nobody `told` it to end, if that can be."""
         ...
-
-
-def under_mpi() -> bool:
-    """Whether an MPI launcher started this process."""
-    return any(mark in os.environ for mark in MPI_MARKS)
-
-
-def mpi_rank() -> int:
-    """The rank that an MPI launcher gave this process, before MPI is loaded; 0 without one."""
-    return next((int(os.environ[name]) for name in MPI_RANKS if os.environ.get(name, "").isdecimal()), 0)
 
 
 def end_with_parent(number: signal.Signals) -> None:

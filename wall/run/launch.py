@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
 from wall.core.garbage import started
+from wall.core.mpi import mpi_rank, under_mpi
 from wall.display.x_server import check_displays
 from wall.roles.plan import (
     HEAD,
@@ -25,7 +26,7 @@ from wall.roles.plan import (
     reconstructed_at_renderers,
     window_panels,
 )
-from wall.run.bootstrap import Bootstrap, mpi_rank, under_mpi
+from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
 from wall.run.control_file import check_free

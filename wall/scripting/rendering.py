@@ -10,7 +10,7 @@ from wall.commands.one_view import plan_of_view
 from wall.commands.render import render_layers
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
-from wall.run.bootstrap import under_mpi
+from wall.core.mpi import under_mpi
 from wall.sampling.pixel_layers import Layer, checked_layers
 from wall.scripting.scene import Scene
 

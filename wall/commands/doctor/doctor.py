@@ -13,8 +13,8 @@ from pathlib import Path
 from wall.commands.doctor import machine, network
 from wall.commands.doctor.finding import Check, Finding, State, findings
 from wall.config.loading import Loaded
+from wall.core.mpi import under_mpi
 from wall.roles.plan import Layout, check_files, make_layout
-from wall.run.bootstrap import under_mpi
 from wall.run.same_files import Gathers
 from wall.transport.base import MAX_MESSAGE_BYTES
 
