@@ -11,6 +11,7 @@ from wall.core.errors import ConfigError
 from wall.scene.sources import BUILT_IN, is_built_in
 
 DEMO = Path(__file__).resolve().parents[1] / "demo.yaml"  # configs/demo.yaml, which is packaged under this name
+DATA_SUFFIXES = (".vti", ".vtp", ".vtu", ".vtk", ".csv", ".npy", ".npz", ".mhd")
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 # of built-in scenes: from where they were made to be seen; position, target, degrees
@@ -37,6 +38,11 @@ def load_any(what: str | Path) -> Loaded:
         near = nearest(str(what), BUILT_IN)
         accepted = f"a configuration, a model file, or one of {', '.join(BUILT_IN)}"
         raise ConfigError(f"{what}: no such file, nor a built-in scene; accepted: {accepted}{near}")
+    if path.suffix.lower() in DATA_SUFFIXES and path.is_file():
+        raise ConfigError(
+            f"{what}: is data, and no model or configuration; wanted a configuration with "
+            f"scene: {{data: [{{type: points, file: {path.name}}}]}}, or another type: docs/guide/data.md"
+        )
     return load(path)
 
 

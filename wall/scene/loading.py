@@ -190,7 +190,9 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
     triangles = _triangles(geometry)
     vertices = np.asarray(geometry.vertices, np.float64)
     if triangles is None or vertices.ndim != 2 or vertices.shape[1] != 3:
-        return (f"{name!r} is no triangle mesh ({type(geometry).__name__} of {len(vertices)} points), and is left out",)
+        what = f"{type(geometry).__name__} of {len(vertices)} points"
+        points = "; points are shown by scene.data, type: points" if "Point" in what else ""
+        return (f"{name!r} is no triangle mesh ({what}), and is left out{points}",)
     if len(triangles) == 0:
         return (f"mesh {name!r} is empty, and is left out",)
     visual: Any = getattr(geometry, "visual", None)

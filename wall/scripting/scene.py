@@ -58,8 +58,18 @@ class Scene:
         """What was assumed or repaired in its models. Loads them."""
         return self._traced(self._loaded)[0].notes
 
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Names of its objects, for patterns of `add_material` and `add_animation`. Loads its models."""
+        return tuple(dict.fromkeys(instance.name for instance in self._traced(self._loaded)[0].instances))
+
     def add_object(self, source: str | Path) -> None:
-        """Put another model file, or built-in scene, into the same world; relative to the current folder."""
+        """Put another model file, or built-in scene, into the same world; relative to the current folder.
+
+        Its objects are in `objects`, by the names that its file gives them.
+        """
+        if not is_built_in(source) and not Path(source).is_file():
+            raise ConfigError(f"{source}: no such file, nor a built-in scene")
         name = str(source) if is_built_in(source) else str(Path(source).absolute())
         now = self._values["scene"].get("source") or []
         self.set(source=[*(now if isinstance(now, list) else [now]), name])

@@ -126,3 +126,20 @@ def test_models_are_loaded_once_however_often_views_change() -> None:
     assert second[0].scene.path_depth is None
     scene.add_light(type="point", position=(1, 2, 3), intensity=(4, 5, 6))
     assert scene.planned(scene.loaded)[1] is not first[1]
+
+
+def test_objects_are_listed_and_a_file_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
+    scene = wall.Scene("spheres")
+    before = scene.objects
+    assert len(before) > 1
+    with pytest.raises(ConfigError, match=r"nofile\.glb: no such file"):
+        scene.add_object(tmp_path / "nofile.glb")
+    (tmp_path / "cow.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    scene.add_object(tmp_path / "cow.obj")
+    assert scene.objects == (*before, "cow.obj")
+
+
+def test_data_that_is_given_for_a_model_is_told_from_it(tmp_path: Path) -> None:
+    (tmp_path / "field.vti").write_text("<VTKFile/>")
+    with pytest.raises(ConfigError, match="is data, and no model"):
+        wall.Scene(tmp_path / "field.vti")
