@@ -89,15 +89,12 @@ class PanelCompositor:
         self._edits = number
 
     def _compare(self) -> None:
-        """Begin or end a comparison, or compare with another: what was shown stays until its samples come.
-
-        The samples of one that ends stay counted.
-        """
+        """Begin or end a comparison, or compare with another; the samples of one that ends stay counted."""
         before = self.compared
         if self.compared is not None:
             self.counters.update(self.compared.buffer.counters)
             self.newest.buffer.samples_shown += self.compared.buffer.samples_shown
-        shown = None if before is None else before.framelet  # which the graph's nodes go on to read
+        shown = None if before is None else before.framelet
         self.compared = compared_layer(self.panel, shown) if self._routing.compare else None
 
     def _switch(self) -> None:

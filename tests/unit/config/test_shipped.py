@@ -28,6 +28,7 @@ RANKS = {
     "balance": 3,
     "cave_corner": 4,
     "cut_away": 3,
+    "deep_zoom": 2,
     "demo": 5,
     "drum": 2,
     "forest": 3,
