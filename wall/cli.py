@@ -82,7 +82,7 @@ def run(
 
     [bold]wall run configs/demo.yaml --seconds 20[/]
 
-    [bold]mpirun -n 5 wall run configs/demo.yaml --headless --seconds 20[/]
+    [bold]mpirun -x PATH -n 5 wall run configs/demo.yaml --headless --seconds 20[/]
     """
     from wall.commands.progress import StartProgress, show_summary
     from wall.run import launch

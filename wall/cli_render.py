@@ -86,7 +86,7 @@ def render(
         return
     if names or at or denoise:
         other = "--layers" if names else "--at" if at else "--denoise"
-        raise ConfigError(f"--frames with {other}: frames are images of moments of their own, without layers")
+        raise ConfigError(f"--frames with {other}: wanted one of them; frames are plain images of moments of their own")
     _render_frames(planned, output, quality, frames=frames, rate=rate, film=film)
 
 
@@ -115,7 +115,9 @@ def _render_image(
     if found is None:
         return
     if denoiser is not None:
-        found["colour"] = denoised(denoiser, found["colour"], found["albedo"], found["normal"], quality="high")
+        found["colour"] = denoised(
+            denoiser, found["colour"], found["albedo"], found["normal"], quality="high", who="--denoise"
+        )
     image = found["colour"]
     if layers:
         write_layers(output, {name: found[name] for name in ("colour", *layers)})

@@ -16,7 +16,7 @@ from wall.commands.tiles import cut_up
 from wall.config.loading import load
 from wall.core.data import Edits
 from wall.core.errors import ConfigError, EditError
-from wall.roles.editing import editable
+from wall.roles.editing import Editor, editable
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.run.single_process import SingleProcess
 from wall.scene.parameters import named
@@ -44,10 +44,9 @@ def finished(single: SingleProcess, number: int, **values: float) -> NDArray[np.
     single.event = replace(single.event, scene_event=number, edits=edits)
     single.until_complete()
     limit = time.monotonic() + 20.0
-    for _ in range(2):  # once more when the last tile has come
-        while single.composition.behind(0):
-            assert time.monotonic() < limit
-            time.sleep(0.001)
+    while single.composition.behind(0):
+        assert time.monotonic() < limit
+        time.sleep(0.001)
         single.clock.advance(0.1)
         single._turn()
     return list(single.composition.shown()[0].images())[1].rgb
@@ -95,3 +94,31 @@ def test_a_file_that_is_not_there_is_refused_at_the_start(tmp_path: Path) -> Non
     plan = planned(tmp_path)
     with pytest.raises(ConfigError, match=r"photo\.dzi: there is no such file"):
         SingleProcess(plan, make_tracer_scene(plan.scene))
+
+
+def test_one_gesture_is_undone_at_once(folder: Path) -> None:
+    """A wheel changes zoom, x and y many times a second."""
+    editor = Editor(planned(folder), key="")
+    for k in range(10):
+        for name in ("zoom", "x", "y"):
+            editor.set([(f"nodes.photo.{name}", [0.1 * k])], now=1.0 + 0.05 * k)
+    editor.set([("exposure", [1.0])], now=1.6)
+    editor.undo()
+    assert dict(editor.edits.values).keys() == {"nodes.photo.zoom", "nodes.photo.x", "nodes.photo.y"}
+    editor.undo()
+    assert editor.edits.values == ()
+
+
+def test_in_lock_step_there_is_none(folder: Path) -> None:
+    text = (
+        CONFIG.replace("ANIMATION", "").replace("columns: 2", "columns: 1").replace(", {id: image, panels: [r0c1]}", "")
+    )
+    text = text.replace("input: samples}", "input: samples, background: transparent, order: 1}")
+    text = text.replace("panel: r0c1, file: photo.dzi, zoom: ZOOM", "area: [0, 0, 9, 9], order: 0, file: photo.dzi")
+    text = text.replace("op: tile, inputs: [shown, photo]", "op: over, inputs: [photo, shown]")
+    path = folder / "lock.yaml"
+    path.write_text(text)
+    make_layout(load(path))
+    path.write_text(text.replace("graph:\n", "graph:\n  sync: {mode: frame}\n") + "sampling: {method: framed}\n")
+    with pytest.raises(ConfigError, match="is read while the wall runs"):
+        make_layout(load(path))

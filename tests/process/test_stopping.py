@@ -251,7 +251,7 @@ def test_wrong_number_of_ranks_is_refused_with_the_right_one(tmp_path: Path) -> 
 
     assert done.returncode == 2
     assert "2 ranks were launched, the configuration needs 3: 1 head + 2 renderers" in done.stderr
-    assert "mpirun -n 3" in done.stderr
+    assert "mpirun -x PATH -n 3" in done.stderr
     assert done.stderr.count("ranks were launched") == 1
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import re
 import socket
@@ -57,6 +58,7 @@ class Terminal(Console):
         """The table and its note: on edge where a word would be broken otherwise; as a list where that is too wide."""
         rows = [[str(cell) for cell in column.cells] for column in table.columns]
         note = [] if table.caption is None else [table.caption]
+        table = copy.copy(table)
         table.caption = None
         edge, listed = (Table(title=table.title, title_justify="left", show_header=False) for _ in range(2))
         for column, cells in zip(table.columns, rows, strict=True):

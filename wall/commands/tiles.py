@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 from xml.sax.saxutils import quoteattr
 
-from PIL import Image
-
 from wall.core.errors import ConfigError, RunError
-from wall.operators.pyramid import WHOLE_FORMATS, Shape, halved, has_alpha
+from wall.operators.pyramid import Shape, halved, opened
 
 TileFormat: TypeAlias = Literal["jpg", "png"]
 TILE = 256  # pixels
 QUALITY = 90  # of JPEG
-MOST_PIXELS = 1 << 31  # of an image that is cut up: it is in memory whole, 3 or 4 bytes a pixel
+MOST_PIXELS = 1 << 31  # of an image that is cut up: it is in memory whole, up to 8 bytes a pixel
 XMLNS = "http://schemas.microsoft.com/deepzoom/2008"
 
 
@@ -39,11 +37,12 @@ def cut_up(image_file: Path, output: Path, tile_format: TileFormat, progress: Ca
     for there in (output, folder):
         if there.exists():
             raise ConfigError(f"{there}: is there already; wanted another name, or remove it")
-    image = _opened(image_file, tile_format)
+    image = opened(image_file, most_pixels=MOST_PIXELS)
+    image = image.convert("RGB") if tile_format == "jpg" else image
     shape = Shape(*image.size, TILE)
     sizes = [shape.size(level) for level in range(shape.top + 1)]
     total = sum(-(-width // TILE) * -(-height // TILE) for width, height in sizes)
-    part, done = folder.with_name(f".{folder.name}.part"), 0
+    part, named, done = folder.with_name(f".{folder.name}.part"), output.with_name(f".{output.name}.part"), 0
     try:
         shutil.rmtree(part, ignore_errors=True)
         for level, smaller in zip(range(shape.top, -1, -1), halved(image), strict=True):
@@ -54,29 +53,16 @@ def cut_up(image_file: Path, output: Path, tile_format: TileFormat, progress: Ca
                 smaller.crop(box).save(part / str(level) / f"{column}_{row}.{tile_format}", quality=QUALITY)
                 done += 1
                 progress(done, total)
-        part.rename(folder)
-        output.write_text(
+        named.write_text(
             f'<?xml version="1.0" encoding="UTF-8"?>\n<Image xmlns={quoteattr(XMLNS)} Format="{tile_format}" '
             f'Overlap="0" TileSize="{TILE}">\n  <Size Width="{shape.width}" Height="{shape.height}"/>\n</Image>\n',
             encoding="utf-8",
         )
+        part.rename(folder)
+        named.rename(output)
     except OSError as error:
         raise RunError(f"{output}: cannot be written ({error.strerror or error})") from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
+        named.unlink(missing_ok=True)
     return shape
-
-
-def _opened(path: Path, tile_format: TileFormat) -> Image.Image:
-    before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, MOST_PIXELS  # Pillow's own limit is for pages of strangers
-    try:
-        with Image.open(path, formats=WHOLE_FORMATS) as image:
-            if image.width * image.height > MOST_PIXELS:
-                raise ValueError(f"{image.width} x {image.height} pixels, at most {MOST_PIXELS}")
-            return image.convert("RGBA" if tile_format == "png" and has_alpha(image) else "RGB")
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file") from None
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, MemoryError) as error:
-        raise ConfigError(f"{path}: cannot be read as PNG, JPEG or TIFF ({error})") from error
-    finally:
-        Image.MAX_IMAGE_PIXELS = before

@@ -13,7 +13,7 @@ from wall.config.loading import Loaded, nearest
 from wall.geometry.panels import Wall
 from wall.geometry.rects import panel_rect
 from wall.geometry.strips import LEAST_ROWS
-from wall.operators.base import Node
+from wall.operators.base import Node, Operator
 from wall.operators.curve import Curve
 
 
@@ -47,7 +47,11 @@ def check_curves_take_panels(graph: Graph, wall: Wall, refusals: Refusals) -> No
 
 
 def check_sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> None:
-    """Only the sampling method `framed` makes the whole frames that lock step needs."""
+    """Only the sampling method `framed` makes the whole frames of lock step; nodes with settings have none."""
+    for node in config.nodes if isinstance(config.sync, FrameSync) else ():
+        if isinstance(node, Operator) and node.SETTINGS:
+            came = "is read while the wall runs, and sync: {mode: frame} shows whole frames"
+            refusals.add(node, ["op"], came, "sync: none")
     method = loaded.config.sampling_of(0).method
     if isinstance(config.sync, FrameSync) and method != "framed":
         came = f"frames in lock step are made of whole frames, and the sampling method is {method}"
@@ -118,7 +122,7 @@ def notes_of_hosts(graph: Graph, wall: Wall) -> tuple[str, ...]:
     hosts: dict[int, set[str]] = {}
     for step in graph.steps:
         if isinstance(step.node, SinkNode) and step.node.kind == "window":
-            names = {wall.panels[k].config.host for k in step.panels} - {None}
+            names = (wall.panels[k].config.host for k in step.panels)
             hosts.setdefault(step.rank, set()).update(name for name in names if name is not None)
     named = {panel.config.host for panel in wall.panels} - {None}
     return tuple(

@@ -71,6 +71,8 @@ class Executor:
         for s in self._steps:
             prepared = self._prepared[s.index]
             anew = isinstance(prepared, Following) and prepared.follow(settings.get(s.node.id, {}))
+            if anew:
+                self._fresh.discard(s.index)
             regions = [s.rect] if anew else self._regions(s, found, event)
             if regions:
                 self._apply(s, regions, event)
@@ -78,14 +80,19 @@ class Executor:
         return found
 
     @property
-    def follows(self) -> bool:
-        """Whether some node here has settings."""
-        return any(isinstance(prepared, Following) for prepared in self._prepared.values())
+    def following(self) -> list[Following]:
+        """What nodes here have prepared whose pixels change by themselves."""
+        return [prepared for prepared in self._prepared.values() if isinstance(prepared, Following)]
+
+    def close(self) -> None:
+        """End what is under way for nodes here."""
+        for each in self.following:
+            each.close()
 
     @property
     def waits(self) -> bool:
         """Whether some node here will change by itself."""
-        return any(isinstance(each, Following) and each.waits for each in self._prepared.values())
+        return any(each.waits for each in self.following)
 
     def _regions(self, s: Step, found: Changes, event: Event | None) -> Regions:
         if s.index in self._fresh:

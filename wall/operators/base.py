@@ -82,6 +82,15 @@ class Following(ABC):
     def waits(self) -> bool:
         """Whether something is under way that will change its pixels."""
 
+    @property
+    @abstractmethod
+    def failures(self) -> tuple[str, ...]:
+        """What could not be had for them, in words."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End what is under way; nobody asks for its pixels any more."""
+
 
 class Operator(Node):
     """A node that makes one framelet from others. A package names its own in entry points `wall.operators`."""

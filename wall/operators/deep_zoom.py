@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,21 +19,20 @@ from pydantic import Field
 
 from wall.core.colour import srgb_decoded
 from wall.core.data import Framelet, Rect
-from wall.core.errors import ConfigError
-from wall.core.fields import Number, Text
+from wall.core.fields import Number, Share, Text
 from wall.operators.base import Following, Setting
 from wall.operators.pyramid import Codes, Pyramid, TileKey, open_pyramid, size_of
 from wall.operators.sources import Source
 
 LEAST_ZOOM, MOST_ZOOM = -8.0, 26.0  # doublings
 CACHE_BYTES = 256 << 20  # of tiles in memory,
-CACHE_PER_PIXEL = 40  # or so many for each pixel of the area: what is shown takes up to 22
+CACHE_PER_PIXEL = 40  # or so many for each pixel of the area: what it needs takes up to 22, and is always kept
 READERS = 2  # threads
+RETRY_S = 5.0  # between two tries to read a tile
 OPAQUE = np.uint8(255)
 MARGIN = 2  # pixels of a level around what is shown: what its filter reads
 DECODED = srgb_decoded(np.arange(256, dtype=np.float32) / np.float32(255.0))
 
-Share = Annotated[Number, Ge(0.0), Le(1.0)]
 Box: TypeAlias = tuple[int, int, int, int]  # left, top, right, bottom
 
 
@@ -89,50 +89,64 @@ class ZoomedImage(Following):
     def __init__(self, pyramid: Pyramid, size: tuple[int, int], looks_at: tuple[float, float, float]) -> None:
         """`size`: width and height of the area; `looks_at`: x, y, zoom as of DeepZoom."""
         self._pyramid, self._size, self._configured = pyramid, size, looks_at
-        self._looks_at = looks_at
-        self._lock = threading.Lock()
-        self._tiles: OrderedDict[TileKey, Codes] = OrderedDict()  # the newest last
-        self._bytes, self._most_bytes = 0, max(CACHE_BYTES, CACHE_PER_PIXEL * size[0] * size[1])
-        self._wanted: set[TileKey] = set()  # being read
-        self._shown: set[TileKey] = set()  # that the pixels were last made of, or would be
-        self._failed: dict[TileKey, str] = {}
-        self._came = True  # tiles, or another place, since the pixels were made
-        self._codes: Codes = np.zeros((size[1], size[0], 4), np.uint8)
+        self._looks_at, self._codes = looks_at, np.zeros((size[1], size[0], 4), np.uint8)
+        self._most_bytes = max(CACHE_BYTES, CACHE_PER_PIXEL * size[0] * size[1])
+        self._lock = threading.Lock()  # of all that follows
+        self._stale = True  # tiles came, or it looks elsewhere, since the pixels were made
+        self._tiles: OrderedDict[TileKey, Codes] = OrderedDict()  # those used last at the end
+        self._bytes = 0  # of these
+        self._needed: set[TileKey] = set()  # what the pixels are made of, or would be
+        self._pending: set[TileKey] = set()  # being read, or waiting for that
+        self._failed: dict[TileKey, tuple[float, str]] = {}  # when, and why
         self._readers: ThreadPoolExecutor | None = None
 
     def follow(self, values: Mapping[str, float]) -> bool:
         """See Following."""
         x, y, zoom = (values.get(name, own) for name, own in zip(("x", "y", "zoom"), self._configured, strict=True))
-        if (x, y, zoom) != self._looks_at:
-            self._looks_at, self._came = (x, y, zoom), True
-        return self._came
+        with self._lock:
+            if (x, y, zoom) != self._looks_at:
+                self._looks_at, self._stale = (x, y, zoom), True
+            return self._stale
 
     @property
     def waits(self) -> bool:
         """Whether tiles are missing that will come, or have come and are not shown yet."""
-        return bool(self._wanted) or self._came
+        with self._lock:
+            return bool(self._pending) or self._stale
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Why tiles could not be read; coarser ones stay in their place."""
+        """Why tiles could not be read; coarser ones stay in their place until they can."""
         with self._lock:
-            return tuple(self._failed.values())
+            return tuple(why for _, why in self._failed.values())
+
+    def close(self) -> None:
+        """See Following."""
+        with self._lock:
+            readers, self._readers = self._readers, None
+            self._pending.clear()
+        if readers is not None:
+            readers.shutdown(wait=False, cancel_futures=True)
 
     def codes(self) -> Codes:
         """(h, w, 4) uint8 of the whole area, sRGB and alpha: 0 beyond the image."""
-        if self._came:
-            self._came = False  # first: what comes while these pixels are made is for the next
-            self._shown = set()
-            self._codes = self._made(self._place())
+        with self._lock:
+            stale, self._stale = self._stale, False  # first: what comes while pixels are made is for the next
+            looks_at = self._looks_at
+            if stale:
+                self._needed = set()
+        if stale:
+            self._codes = self._made(self._place(*looks_at))
+            with self._lock:
+                self._forget()
         return self._codes
 
-    def _place(self) -> Place:
+    def _place(self, x: float, y: float, zoom: float) -> Place:
         """The finest level whose pixels are no smaller than half of the area's, or the image itself."""
-        shape, (width, height), (x, y, zoom) = self._pyramid.shape, self._size, self._looks_at
+        shape, (width, height) = self._pyramid.shape, self._size
         scale = 2.0**zoom * min(width / shape.width, height / shape.height)
         level = min(max(shape.top + math.ceil(math.log2(scale)), 0), shape.top)
-        own = scale * 2.0 ** (shape.top - level)
-        part = 2.0 ** (level - shape.top)
+        own, part = scale * 2.0 ** (shape.top - level), 2.0 ** (level - shape.top)
         left, top = x * shape.width * part - 0.5 * width / own, y * shape.height * part - 0.5 * height / own
         return Place(level, own, left, top)
 
@@ -161,7 +175,10 @@ class ZoomedImage(Following):
         opaque = bool((codes[..., 3] == OPAQUE).all())  # else Pillow multiplies by alpha, and rounds
         image = Image.fromarray(codes[..., :3] if opaque else codes)
         x, y = box[0] - MARGIN, box[1] - MARGIN
-        inside = (seen[0] - x, seen[1] - y, seen[2] - x, seen[3] - y)
+        inside = (  # an image of a few pixels, much smaller than one of the area's, has no more
+            max(seen[0] - x, 0.0), max(seen[1] - y, 0.0),
+            min(seen[2] - x, float(image.width)), min(seen[3] - y, float(image.height)),
+        )  # fmt: skip
         resample = Image.Resampling.BILINEAR if place.scale <= 1.0 else Image.Resampling.BICUBIC
         shown = np.asarray(image.resize((right - left, bottom - top), resample, box=inside))
         out[top:bottom, left:right, : shown.shape[2]] = shown
@@ -172,7 +189,7 @@ class ZoomedImage(Following):
         """(h, w, 4) of a box of a level: of its tiles, and of coarser ones where these are not there yet."""
         edge, middle = self._pyramid.shape.tile, ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
         keys = list(self._pyramid.shape.tiles(level, box))
-        there = {key: codes for key in keys if (codes := self._known(key)) is not None}
+        there = self._known(keys)
         out: Codes = np.zeros((box[3] - box[1], box[2] - box[0], 4), np.uint8)
         if len(there) < len(keys):
             if level > 0:
@@ -196,41 +213,62 @@ class ZoomedImage(Following):
         x, y = box[0] - 2 * half[0], box[1] - 2 * half[1]
         return twice[y : y + box[3] - box[1], x : x + box[2] - box[0]]
 
-    def _known(self, key: TileKey) -> Codes | None:
-        """A tile, if it is in memory."""
+    def _known(self, keys: Sequence[TileKey]) -> dict[TileKey, Codes]:
+        """Those tiles that are in memory; all are needed from now on."""
         if self._pyramid.at_once:
-            return self._pyramid.tile(key)
+            return {key: self._pyramid.tile(key) for key in keys}
         with self._lock:
-            self._shown.add(key)
-            if (codes := self._tiles.get(key)) is not None:
+            self._needed.update(keys)
+            there = {key: self._tiles[key] for key in keys if key in self._tiles}
+            for key in there:
                 self._tiles.move_to_end(key)
-            return codes
+            return there
 
     def _want(self, keys: Sequence[TileKey]) -> None:
-        """Let tiles be read, one after the other."""
+        """Let tiles be read, one after the other; those that failed are tried again after a while."""
         with self._lock:
-            new = [key for key in keys if key not in self._wanted and key not in self._failed]
-            self._wanted.update(new)
-            if self._readers is None:
+            late = {key for key in keys if key in self._tiles}  # they came since they were looked for
+            self._stale |= bool(late)
+            again = time.monotonic() - RETRY_S
+            tried = {key for key in keys if key in self._failed and self._failed[key][0] > again}
+            new = [key for key in keys if key not in late | tried | self._pending]
+            self._pending.update(new)
+            if new and self._readers is None:
                 self._readers = ThreadPoolExecutor(READERS, thread_name_prefix="tiles")
-        for key in new:
-            self._readers.submit(self._read, key)
+            for key in new:
+                assert self._readers is not None
+                self._readers.submit(self._read, key)
 
     def _read(self, key: TileKey) -> None:
-        codes, why = None, ""
-        if key in self._shown:  # else it was passed by meanwhile
-            try:
-                codes = self._pyramid.tile(key)
-            except ConfigError as error:
-                why = str(error)
         with self._lock:
-            self._wanted.discard(key)
-            if why:
-                self._failed[key] = why
-            if codes is None:
+            if key not in self._needed:  # it was passed by meanwhile
+                self._pending.discard(key)
                 return
-            self._tiles[key] = codes
-            self._bytes += codes.nbytes
-            while self._bytes > self._most_bytes and len(self._tiles) > 1:
-                self._bytes -= self._tiles.popitem(last=False)[1].nbytes
-            self._came = True
+        codes, why = None, ""
+        try:
+            codes = self._pyramid.tile(key)
+        except Exception as error:  # of a broken file, or for want of memory: the others are shown all the same
+            why = str(error) or type(error).__name__
+        with self._lock:
+            if codes is None:
+                self._failed[key] = time.monotonic(), why
+            else:
+                self._failed.pop(key, None)
+                self._keep(key, codes)
+                self._stale = True
+            self._pending.discard(key)
+
+    def _keep(self, key: TileKey, codes: Codes) -> None:
+        """Keep a tile."""
+        before = self._tiles.pop(key, None)
+        self._bytes += codes.nbytes - (0 if before is None else before.nbytes)
+        self._tiles[key] = codes
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget those that were used last the longest ago where there are too many, but none that is needed."""
+        for old in list(self._tiles):
+            if self._bytes <= self._most_bytes:
+                return
+            if old not in self._needed:
+                self._bytes -= self._tiles.pop(old).nbytes

@@ -45,10 +45,8 @@ class Denoise(Operator):
         """Raises RunError when the library fails."""
         source = inputs[0]
         copy(source, out, region, but=frozenset({"colour"}))
-        try:
-            colour = denoised(prepared, source.colour, source.albedo, source.normal, quality=self.quality)
-        except RuntimeError as error:
-            raise RunError(f"denoise '{self.id}': {error}") from error
+        who = f"denoise '{self.id}'"
+        colour = denoised(prepared, source.colour, source.albedo, source.normal, quality=self.quality, who=who)
         pixels_of(out, "colour", region)[...] = colour[region.inside(source.rect)]
 
 
@@ -62,13 +60,16 @@ def load_denoiser(who: str) -> Denoiser:
 
 
 def denoised(
-    denoiser: Denoiser, colour: Float32, albedo: Float32 | None, normal: Float32 | None, *, quality: Quality
+    denoiser: Denoiser, colour: Float32, albedo: Float32 | None, normal: Float32 | None, *, quality: Quality, who: str
 ) -> Float32:
     """(h, w, 3) float32 linear RGB of a noisy image; `albedo` and `normal` (h, w, 3) are used where samples bring them.
 
-    Raises RuntimeError when the library fails.
+    Raises RunError, of `who` wanted it, when the library fails.
     """
     surfaces: dict[str, Float32] = {}
     if albedo is not None and normal is not None and albedo.any():  # else blank: no sample brought any
         surfaces = {"albedo": np.clip(albedo, np.float32(0.0), np.float32(1.0)), "normal": normal}
-    return denoiser(np.maximum(colour, np.float32(0.0)), hdr=True, quality=quality, **surfaces)
+    try:
+        return denoiser(np.maximum(colour, np.float32(0.0)), hdr=True, quality=quality, **surfaces)
+    except RuntimeError as error:
+        raise RunError(f"{who}: {error}") from error

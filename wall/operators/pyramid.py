@@ -8,8 +8,10 @@ Zoom File Format Overview".)
 from __future__ import annotations
 
 import re
+import threading
 import xml.etree.ElementTree
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -22,8 +24,9 @@ from wall.core.errors import ConfigError
 
 Codes: TypeAlias = NDArray[np.uint8]  # (h, w, 4) sRGB and alpha
 TileKey: TypeAlias = tuple[int, int, int]  # level, column, row
-MOST_WHOLE = 1 << 27  # pixels of a file that is read whole: 512 MB, and a third more for its levels
-MOST_EDGE, MOST_TILE = 1 << 26, 1 << 13  # pixels, of an image and of a tile
+MOST_WHOLE = 1 << 26  # pixels of a file that is read whole: 360 MB with its levels, 0.9 GB while it is read
+READ_AT_ONCE = 1 << 22  # pixels: a tenth of a second, once
+MOST_EDGE, MOST_TILE = 1 << 26, 1 << 12  # pixels, of an image and of a tile
 MOST_XML = 1 << 16  # bytes
 WHOLE_FORMATS = ("PNG", "JPEG", "TIFF")
 
@@ -58,23 +61,25 @@ class Shape:
 class Pyramid:
     """`read` gives a tile as it is in its file; without its overlap it lies at column * tile, row * tile."""
 
-    def __init__(self, path: Path, shape: Shape, read: Callable[[TileKey], Codes], *, at_once: bool) -> None:
-        """`at_once`: its tiles are in memory already."""
+    def __init__(self, path: Path, shape: Shape, read: Callable[[TileKey], Codes], *, at_once: bool = False) -> None:
+        """`at_once`: reading takes no longer than an image may wait."""
         self.path, self.shape, self._read, self.at_once = path, shape, read, at_once
 
     def tile(self, key: TileKey) -> Codes:
         """(h, w, 4) uint8, without overlap. Raises ConfigError where the file is missing, broken or of another size."""
-        codes, shape, (level, column, row) = self._read(key), self.shape, key
+        codes, (level, column, row), shape = self._read(key), key, self.shape
+        x, y = column * shape.tile, row * shape.tile
         width, height = shape.size(level)
         left, top = min(column, 1) * shape.overlap, min(row, 1) * shape.overlap
-        wanted = min(shape.tile, width - column * shape.tile), min(shape.tile, height - row * shape.tile)
-        codes = codes[top : top + wanted[1], left : left + wanted[0]]
+        own = min(shape.tile, width - x), min(shape.tile, height - y)
+        most = shape.tile + shape.overlap
+        wanted = min(most, width - x) + left, min(most, height - y) + top
         if codes.shape[:2] != wanted[::-1]:
             came = f"{codes.shape[1]} x {codes.shape[0]}"
             raise ConfigError(
                 f"{self.path}: tile {column}_{row} of level {level} has {came} pixels, wanted {wanted[0]} x {wanted[1]}"
             )
-        return codes
+        return codes[top : top + own[1], left : left + own[0]]
 
 
 def open_pyramid(path: Path) -> Pyramid:
@@ -90,7 +95,7 @@ def size_of(path: Path) -> tuple[int, int]:
         shape, _ = read_descriptor(path)
         return shape.width, shape.height
     try:
-        with Image.open(path, formats=WHOLE_FORMATS) as image:
+        with unlimited(MOST_EDGE * MOST_EDGE), Image.open(path, formats=WHOLE_FORMATS) as image:
             return image.size
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise ConfigError(f"{path}: cannot be read as an image: {error}") from error
@@ -104,8 +109,9 @@ def _of_tiles(path: Path) -> Pyramid:
         level, column, row = key
         return _codes_of(folder / str(level) / f"{column}_{row}.{suffix}")
 
-    found = Pyramid(path, shape, read, at_once=False)
-    found.tile((0, 0, 0))  # so that a folder that is missing, or is another's, is refused at once
+    found = Pyramid(path, shape, read)
+    width, height = shape.size(shape.top)
+    found.tile((shape.top, (width - 1) // shape.tile, (height - 1) // shape.tile))  # one that another's folder lacks
     return found
 
 
@@ -148,18 +154,50 @@ def _codes_of(path: Path) -> Codes:
 
 
 def _whole(path: Path) -> Pyramid:
-    """A file as one tile a level, each half of the one before."""
+    """A file as one tile a level, each half of the one before; it is read when a tile is."""
+    width, height = size_of(path)
+    if width * height > MOST_WHOLE:
+        raise ConfigError(
+            f"{path}: {width} x {height} pixels, at most {MOST_WHOLE:,} are read whole; wanted a .dzi: wall tiles "
+            f"{path.name} -o {path.stem}.dzi"
+        )
+    levels = list[Codes]()
+    lock = threading.Lock()
+
+    def read(key: TileKey) -> Codes:
+        with lock:
+            if not levels:
+                levels.extend(reversed([np.asarray(level.convert("RGBA")) for level in halved(opened(path))]))
+        return levels[key[0]]
+
+    return Pyramid(path, Shape(width, height, max(width, height)), read, at_once=width * height <= READ_AT_ONCE)
+
+
+def opened(path: Path, *, most_pixels: int = MOST_WHOLE) -> Image.Image:
+    """A PNG, JPEG or TIFF as RGB, or RGBA where it has alpha, 8 bits each. Raises ConfigError."""
     try:
-        with Image.open(path, formats=WHOLE_FORMATS) as image:
-            width, height = image.size
-            if width * height > MOST_WHOLE:
-                most = f"at most {MOST_WHOLE} are read whole; wall tiles cuts it up"
-                raise ValueError(f"{width} x {height} pixels, {most}")
-            levels = list(halved(image.convert("RGBA" if has_alpha(image) else "RGB")))
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ConfigError(f"{path}: cannot be read as an image: {error}") from error
-    codes = [np.asarray(level.convert("RGBA")) for level in reversed(levels)]
-    return Pyramid(path, Shape(width, height, max(width, height)), lambda key: codes[key[0]], at_once=True)
+        with unlimited(most_pixels), Image.open(path, formats=WHOLE_FORMATS) as file:
+            if file.width * file.height > most_pixels:
+                raise ValueError(f"{file.width} x {file.height} pixels, at most {most_pixels:,}")
+            if file.mode.startswith("I;16"):
+                return Image.fromarray((np.asarray(file).astype(np.uint16) >> 8).astype(np.uint8)).convert("RGB")
+            if file.mode in ("I", "F"):
+                raise ValueError("pixels of 32 bits; wanted 8 or 16 bits a channel")
+            return file.convert("RGBA" if has_alpha(file) else "RGB")
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, MemoryError) as error:
+        raise ConfigError(f"{path}: cannot be read as PNG, JPEG or TIFF ({error})") from error
+
+
+@contextmanager
+def unlimited(most_pixels: int) -> Iterator[None]:
+    """Let Pillow open images of so many pixels: its own limit is for files of strangers."""
+    before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, most_pixels
+    try:
+        yield
+    finally:
+        Image.MAX_IMAGE_PIXELS = before
 
 
 def has_alpha(image: Image.Image) -> bool:

@@ -18,7 +18,6 @@ from wall.core.data import NO_EDITS, Batch, Event, Framelet, Rect, Region, Stati
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.display.base import PanelSamples
-from wall.geometry.panels import Panel
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
@@ -32,7 +31,7 @@ from wall.roles.node_settings import settings_of
 from wall.roles.plan import HEAD, Plan
 from wall.roles.present import PanelCrops
 from wall.roles.sky import SkyLayer
-from wall.roles.statistics import Due
+from wall.roles.statistics import Due, check_statistics_image
 from wall.roles.timewarp import Timewarp
 
 MOST_APART_S = 60.0  # of a packet's time from the last refresh: more is no delay, but another clock
@@ -98,6 +97,12 @@ class Composition:
             if (old := known.get((layer.panel.index, layer.layer.view))) and old.panel.pixels == layer.panel.pixels:
                 layer.begin_with(old)
         self._nodes.begin_with(before._nodes)
+        before.close()
+
+    def close(self) -> None:
+        """End what nodes have under way."""
+        for nodes in self._all_nodes():
+            nodes.executor.close()
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
@@ -249,7 +254,7 @@ class Composition:
         return bool(edited)
 
     def behind(self, view: int) -> bool:
-        """Whether a slower layer of a view waits for its turn to show what came, or the newest event."""
+        """Whether a slower layer of a view waits for its turn to show what came, or the newest event, or tiles come."""
         return any(layer.behind for layer in self._of_view(view)) or any(n.executor.waits for n in self._all_nodes())
 
     def _regions_of(self, dirty_tiles: Iterable[tuple[PanelCompositor, NDArray[np.bool_]]]) -> Changes:
@@ -337,7 +342,8 @@ class Composition:
 
     def drops(self) -> Counter[str]:
         """What was dropped here, by name."""
-        return sum((layer.counters for layer in self.layers.values()), Counter(self.counters))
+        unread = sum(len(each.failures) for nodes in self._all_nodes() for each in nodes.executor.following)
+        return sum((layer.counters for layer in self.layers.values()), self.counters + Counter(unread_tiles=unread))
 
 
 class _Nodes:
@@ -355,7 +361,8 @@ class _Nodes:
         self.executor = Executor(graph, rank, sources, layout.loaded.folder, reproject)
         self.outlets = outlets
         self.shown = [PanelCrops(graph, sink, layout.wall) for sink in graph.sinks_on(rank)]
-        self._lockstep, self._scene, self._edits = lockstep, plan.scene, NO_EDITS
+        self._lockstep, self._scene = lockstep, plan.scene
+        self._time, self._edits = 0.0, NO_EDITS
 
     def begin_with(self, before: _Nodes) -> None:
         known = {(old.step.node.id, old.step.rect): old.framelet for old in before.remote.values()}
@@ -374,21 +381,14 @@ class _Nodes:
         for remote in self.remote.values():
             remote.show(now, force=force)
         arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}
+        if event.view == 0:  # which says what time it is
+            self._time = event.scene_time
         if event.edits.number > self._edits.number:  # another view's event may lack the newest
             self._edits = event.edits
-        values = self._scene.values(event.scene_time, self._edits) if self.executor.follows else {}
+        values = self._scene.values(self._time, self._edits) if self.executor.following else {}
         changes = self.executor.step({**fresh, **arrived}, event, settings_of(values))
         for shown in self.shown:
             shown.take(changes, self.executor.framelets)
         # a frame's number is sent once: a frame made again sends only what changed
         self.outlets.add(changes, all_due=self._lockstep is not None and not self._lockstep.again)
         return changes
-
-
-def check_statistics_image(image: StatisticsImage, panel: Panel) -> None:
-    """Raise RemoteProtocolError for a statistics image whose tiles are not this panel's."""
-    width, height = panel.pixels
-    if image.age.shape != (-(-height // TILE), -(-width // TILE)):
-        raise RemoteProtocolError(f"statistics_image of {image.age.shape} tiles, panel {panel.id} has {width}x{height}")
-    if not Rect(x=0, y=0, width=width, height=height).contains(image.bounds):
-        raise RemoteProtocolError(f"statistics_image: a tile reaches outside panel {panel.id} of {width}x{height}")

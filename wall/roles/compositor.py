@@ -334,5 +334,6 @@ class Compositor:
             for view in self._views:
                 if view.event is not None:
                     yield from self._refresh(view, view.event, view.event, now, force=True)
+        self.composition.close()
         yield from self.standing.beat(self._heartbeat(now, last=True), now)
         yield Finish()

@@ -25,7 +25,7 @@ from wall.packets.control import ALL_BUT_OBJECTS, MAX_ANSWER_BYTES, EditAnswer, 
 from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.packets.joining import JoinRequest
 from wall.roles.clicks import Clicks
-from wall.roles.node_settings import all_parameters
+from wall.roles.node_settings import all_parameters, one_gesture
 from wall.roles.plan import Plan, exposure_at
 from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
 from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named
@@ -98,7 +98,7 @@ class Editor:
             if not fits(new):
                 raise EditError(f"{len(values)} parameters are changed already: no event has room for more")
         if scene_changes or stops != self.stops:
-            names, (last_names, last) = frozenset(name for name, _ in assignments), self._newest
+            names, (last_names, last) = frozenset(one_gesture(name) for name, _ in assignments), self._newest
             if names != last_names or now - last > ONE_EDIT_S:
                 self._undoable.append((self.edits.values, self.stops))
             self._newest = names, now

@@ -36,6 +36,11 @@ def _of_nodes(graph: Graph) -> Iterator[Parameter]:
             yield Parameter(name=name, kind="number", low=low, high=high, unit=unit, default=default)
 
 
+def one_gesture(name: str) -> str:
+    """What is changed together by one drag of a pointer: all settings of a node, else the parameter itself."""
+    return name.rpartition(".")[0] if name.startswith(NODES) else name
+
+
 def settings_of(values: Mapping[str, Numbers]) -> Settings:
     """Settings by node, of parameters that are not as configured."""
     found: dict[str, dict[str, float]] = {}

@@ -6,8 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from wall.core.data import StatisticsImage
+from wall.core.data import Rect, StatisticsImage
+from wall.core.errors import RemoteProtocolError
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
+from wall.geometry.panels import Panel
 from wall.reconstruction.choice import AnyReconstruction
 from wall.reconstruction.statistics import (
     DENSITY,
@@ -78,3 +81,12 @@ class Due:
             return False
         self._next = now + STATISTICS_PERIOD_S
         return True
+
+
+def check_statistics_image(image: StatisticsImage, panel: Panel) -> None:
+    """Raise RemoteProtocolError for a statistics image whose tiles are not this panel's."""
+    width, height = panel.pixels
+    if image.age.shape != (-(-height // TILE), -(-width // TILE)):
+        raise RemoteProtocolError(f"statistics_image of {image.age.shape} tiles, panel {panel.id} has {width}x{height}")
+    if not Rect(x=0, y=0, width=width, height=height).contains(image.bounds):
+        raise RemoteProtocolError(f"statistics_image: a tile reaches outside panel {panel.id} of {width}x{height}")

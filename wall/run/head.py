@@ -104,6 +104,7 @@ class HeadProcess:
         self._sinks: list[Sink] = []
         self._signals, self._told = EndSignals(self._end), ""  # why this process was first told to end
         self._apart = WriterApart(self._save)
+        self._managed = False
         self.failures: list[str] = []
         self.summary: dict[str, Any] | None = None  # None: the run did not even begin
 
@@ -190,6 +191,7 @@ class HeadProcess:
         with self._reachable(control.endpoint, key):
             opened(browser.address if browser else "")
             managing.start()
+            self._managed = True  # it tells ranks to end
             try:
                 loop.run(alive=managing.is_alive)
             except BaseException:
@@ -248,7 +250,7 @@ class HeadProcess:
         return self._inviter.look(self._manager.plan)
 
     def _end_ranks(self) -> None:
-        self._bootstrap.finish(told=self._manager is not None)
+        self._bootstrap.finish(told=self._managed)
 
     def _start_again(self, rank: int, life: int) -> bool:
         """Start a rank again that died. Returns whether that was tried."""

@@ -163,7 +163,8 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
     raise ConfigError(
         f"{layout.loaded.path}: {size} ranks were launched, the configuration needs {layout.size}: 1 head"
         + (f" + {extra} remote compositor{'s' * (extra > 1)}" if extra else "")
-        + f" + {len(layout.regions)} renderer{'s' * (len(layout.regions) > 1)} (mpirun -n {layout.size} wall run ...)"
+        + f" + {len(layout.regions)} renderer{'s' * (len(layout.regions) > 1)} "
+        f"(mpirun -x PATH -n {layout.size} wall run ...)"
     )
 
 

@@ -7,7 +7,8 @@ import numpy as np
 from wall.core.data import Float64
 from wall.scene.model import Instance, Material, Mesh
 
-NAME = "ground"
+NAME = "ground plane"
+BELOW = 1e-3  # radii of the scene, under its lowest point: a floor of its own is not to flicker
 RINGS = (0.0, 1.5, 6.0, 60.0)  # radii of the scene: near the model triangles are small, so that hits are exact
 SIDES = 96
 GREY = (0.30, 0.30, 0.30)
@@ -25,7 +26,7 @@ def ground(low: float, center: Float64, radius: float, *, mesh: int, material: i
         triangles.append(np.stack([inner + k, outer + k, outer + after], axis=1))
         triangles.append(np.stack([inner + k, outer + after, inner + after], axis=1))
     placed = np.eye(4)
-    placed[:3, 3] = center[0], low, center[2]
+    placed[:3, 3] = center[0], low - BELOW * radius, center[2]
     return (
         Mesh(
             name=NAME, vertices=vertices.astype(np.float32),

@@ -14,8 +14,9 @@ from PIL import Image
 from wall.commands.tiles import cut_up, format_of
 from wall.core.data import Framelet, Rect
 from wall.core.errors import ConfigError
+from wall.operators import deep_zoom
 from wall.operators.deep_zoom import DeepZoom, ZoomedImage
-from wall.operators.pyramid import Codes, Shape, open_pyramid, read_descriptor
+from wall.operators.pyramid import Codes, Shape, TileKey, open_pyramid, read_descriptor
 
 SIZE = (700, 500)
 AREA = (320, 200)
@@ -102,7 +103,7 @@ def test_beyond_the_image_nothing_is_there(folder: Path) -> None:
     assert shown[101:, 161:, 3].any()
 
 
-def test_while_tiles_are_read_coarser_ones_are_shown(folder: Path) -> None:
+def test_while_tiles_are_read_coarser_ones_are_shown(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pyramid = open_pyramid(folder / "photo.dzi")
     view = ZoomedImage(pyramid, AREA, (0.5, 0.5, 0.0))
     whole = settled(view)
@@ -112,9 +113,13 @@ def test_while_tiles_are_read_coarser_ones_are_shown(folder: Path) -> None:
     assert {key[0] for key in set(view._tiles) - known} <= set(range(pyramid.shape.top))
     assert view.failures
     assert all("of level 10 has 1 x 1 pixels" in why for why in view.failures)
+    assert (settled(view, {"zoom": 2.001}) != 0).any(), "it is not tried again at once"
     pyramid._read = held
+    monkeypatch.setattr(deep_zoom, "RETRY_S", 0.0)
     exact = looking(folder / "photo.dzi", 0.5, 0.5, 2.0)
     assert np.sqrt(((at_once.astype(float) - exact) ** 2).mean()) < 8.0, "blurred, but the same picture"
+    assert_array_equal(settled(view, {"zoom": 2.0, "x": 0.5001}), looking(folder / "photo.dzi", 0.5001, 0.5, 2.0))
+    assert view.failures == ()
     assert_array_equal(settled(view), whole)
 
 
@@ -122,14 +127,72 @@ def test_memory_is_bounded_and_what_was_forgotten_is_read_again(folder: Path) ->
     view = ZoomedImage(open_pyramid(folder / "photo.dzi"), AREA, (0.1, 0.1, 2.0))
     view._most_bytes = 600_000
     first = settled(view)
+    for k in range(20):  # tiles come while pixels are made
+        view.follow({"x": 0.05 * k, "y": 0.9, "zoom": 1.0 + 0.1 * k})
+        view.codes()
+        time.sleep(0.002)
     settled(view, {"x": 0.9, "y": 0.9})
-    assert view._bytes <= 600_000 == view._most_bytes
+    assert view._bytes == sum(codes.nbytes for codes in view._tiles.values())
+    assert view._bytes <= max(600_000, sum(view._tiles[key].nbytes for key in view._needed if key in view._tiles))
     assert_array_equal(settled(view, {}), first)
+
+
+def test_an_area_that_needs_more_than_the_budget_settles_all_the_same(folder: Path) -> None:
+    view = ZoomedImage(open_pyramid(folder / "photo.dzi"), AREA, (0.5, 0.5, 1.0))
+    view._most_bytes = 1000
+    assert_array_equal(settled(view), looking(folder / "photo.png", 0.5, 0.5, 1.0))
+
+
+@pytest.mark.parametrize("area", [(31, 31), (1, 1), (400, 3)])
+@pytest.mark.parametrize("zoom", [-8.0, 26.0])
+def test_the_ends_of_its_range_show_something(folder: Path, area: tuple[int, int], zoom: float) -> None:
+    assert looking(folder / "photo.dzi", 0.3, 0.4, zoom, area).shape == (area[1], area[0], 4)
+
+
+def test_any_error_of_a_tile_leaves_the_others(folder: Path) -> None:
+    pyramid = open_pyramid(folder / "photo.dzi")
+    view, read = ZoomedImage(pyramid, AREA, (0.5, 0.5, 1.0)), pyramid._read
+
+    def without_memory(key: TileKey) -> Codes:
+        if key == (10, 1, 1):
+            raise MemoryError
+        return read(key)
+
+    pyramid._read = without_memory
+    assert settled(view).any()
+    assert view.failures == ("MemoryError",)
+
+
+def test_what_is_closed_reads_no_more(folder: Path) -> None:
+    pyramid = open_pyramid(folder / "photo.dzi")
+    read, begun = pyramid._read, []
+
+    def slowly(key: TileKey) -> Codes:
+        begun.append(key)
+        time.sleep(0.05)
+        return read(key)
+
+    pyramid._read = slowly
+    view = ZoomedImage(pyramid, AREA, (0.5, 0.5, 1.0))
+    view.codes()
+    view.close()
+    time.sleep(0.2)
+    assert len(begun) <= 2
+    assert not view._pending
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_grey_images_of_16_bits_keep_their_ramp(suffix: str, tmp_path: Path) -> None:
+    ramp = np.tile(np.linspace(0, 65535, 256).astype(np.uint16), (8, 1))
+    Image.fromarray(ramp).save(tmp_path / f"a.{suffix}")
+    shown = looking(tmp_path / f"a.{suffix}", 0.5, 0.5, 0.0, (256, 8))
+    assert_array_equal(shown[..., :3], np.repeat((ramp >> 8)[..., None], 3, axis=2))
 
 
 def test_regions_are_parts_of_the_whole(folder: Path) -> None:
     node = DeepZoom(op="deep_zoom", id="photo", area=(10, 20, *AREA), file="photo.png", zoom=1.0)
     rect, prepared = node.rect([]), node.prepare(folder, [])
+    settled(prepared)
     whole, parts = (Framelet.blank(rect, frozenset({"colour", "alpha"})) for _ in range(2))
     node.apply([], whole, rect, prepared)
     for x in range(10, 330, 64):
@@ -157,6 +220,15 @@ def test_what_is_no_deep_zoom_image_is_refused_with_its_name(tmp_path: Path, tex
     with pytest.raises(ConfigError, match=says) as refused:
         open_pyramid(tmp_path / "a.dzi")
     assert str(tmp_path / "a") in str(refused.value)
+
+
+def test_a_folder_of_another_image_is_refused(folder: Path, tmp_path: Path) -> None:
+    text = (folder / "photo.dzi").read_text()
+    (tmp_path / "photo_files").symlink_to(folder / "photo_files")
+    for width in (9000, 500):
+        (tmp_path / "photo.dzi").write_text(text.replace('Width="700"', f'Width="{width}"'))
+        with pytest.raises(ConfigError, match=r"no such tile|has .* pixels, wanted"):
+            open_pyramid(tmp_path / "photo.dzi")
 
 
 def test_tiles_that_overlap_are_cut_to_their_own_pixels(folder: Path, tmp_path: Path) -> None:

@@ -28,9 +28,9 @@ def model(tmp_path: Path) -> Path:
 def test_the_ground_touches_the_lowest_point_and_changes_no_framing(model: Path) -> None:
     with_it = SceneConfig.model_validate({"source": "cow.obj", "ground": True, "animation": [SPIN]})
     one, other = (build(each, model.parent) for each in (with_it, with_it.model_copy(update={"ground": False})))
-    assert [instance.name for instance in one.instances][len(other.instances) :] == ["ground"]
+    assert [instance.name for instance in one.instances][len(other.instances) :] == ["ground plane"]
     low, high = world_boxes(one.meshes, one.instances[-1:])[0]
-    assert (low[1], high[1]) == (2.0, 2.0)
+    assert 2.0 - 0.01 * one.radius < low[1] == high[1] < 2.0, "a floor at that height is nearer to an eye above"
     assert np.allclose(high[[0, 2]] - low[[0, 2]], 120.0 * one.radius, rtol=1e-2)
     assert (one.radius, *one.center) == (other.radius, *other.center)
     assert len(one.animated_objects) == len(other.animated_objects) == 1

@@ -205,6 +205,7 @@ function takeView(event) {
 }
 
 function nextView() {
+  zoomed.release();
   if (viewports.several) viewports.next();
   return viewports.several;
 }
