@@ -203,6 +203,9 @@ class CostedComposition:
         self._process.charge(self._rates.insert_s)
         self.layers[packet.layer].insert(packet)
 
+    def close(self) -> None:
+        """Nothing is under way."""
+
     def hasten(self, until: float) -> None:
         """Nothing waits."""
 
