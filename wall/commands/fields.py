@@ -30,8 +30,7 @@ def name_of(layout: Layout, layer: Layer) -> str:
     """What a layer is called: by its node where the configuration names nodes, else by the panel that it shows."""
     if isinstance(layout.config.graph, NodeGraph):
         return layer.node
-    share = "" if layer.range is None else f", objects {layer.range[0]:.0%} to {layer.range[1]:.0%}"
-    return layout.wall.viewports[layer.panel].id + share
+    return layout.wall.viewports[layer.panel].id + layer.objects
 
 
 def _plain(plan: Plan, layer: Layer) -> str:

@@ -42,6 +42,8 @@ class Executor:
     ) -> None:
         """`sources`: the framelets that others write, by step; `folder`: where paths in nodes start.
 
+        `following` is what nodes here have prepared whose pixels change by themselves.
+
         Raises ConfigError where an operator cannot read what it needs.
         """
         self._graph, self._reproject = graph, reproject
@@ -56,6 +58,7 @@ class Executor:
             if s.encoded and s.computes:
                 light = np.zeros((s.rect.height, s.rect.width, 3), np.float32)
                 self._light[s.index] = replace(shown, colour=light)
+        self.following = [each for each in self._prepared.values() if isinstance(each, Following)]
         self._fresh = {s.index for s in self._steps if not s.inputs}  # files and constants: made once
         self._followed = graph.panels_followed()
         self._reprojected: set[int] = set()  # steps whose output was made of reprojected inputs
@@ -69,20 +72,11 @@ class Executor:
         """
         found: Changes = {k: list(regions) for k, regions in changed.items() if regions}
         for s in self._steps:
-            prepared = self._prepared[s.index]
-            anew = isinstance(prepared, Following) and prepared.follow(settings.get(s.node.id, {}))
-            if anew:
-                self._fresh.discard(s.index)
-            regions = [s.rect] if anew else self._regions(s, found, event)
+            regions = self._regions(s, found, event, settings)
             if regions:
                 self._apply(s, regions, event)
                 found[s.index] = regions
         return found
-
-    @property
-    def following(self) -> list[Following]:
-        """What nodes here have prepared whose pixels change by themselves."""
-        return [prepared for prepared in self._prepared.values() if isinstance(prepared, Following)]
 
     def close(self) -> None:
         """End what is under way for nodes here."""
@@ -94,8 +88,10 @@ class Executor:
         """Whether some node here will change by itself."""
         return any(each.waits for each in self.following)
 
-    def _regions(self, s: Step, found: Changes, event: Event | None) -> Regions:
-        if s.index in self._fresh:
+    def _regions(self, s: Step, found: Changes, event: Event | None, settings: Settings) -> Regions:
+        prepared = self._prepared[s.index]
+        anew = isinstance(prepared, Following) and prepared.follow(settings.get(s.node.id, {}))
+        if anew or s.index in self._fresh:
             self._fresh.discard(s.index)
             return [s.rect]
         assert isinstance(s.node, Operator)

@@ -37,6 +37,11 @@ class Layer:
     refresh_hz: float | None = None  # reconstructed so often at most, and moved between; None: at every refresh
 
     @property
+    def objects(self) -> str:
+        """Which of the scene's objects it has, to follow another word; "" for all."""
+        return "" if self.range is None else f", objects {self.range[0]:.0%} to {self.range[1]:.0%}"
+
+    @property
     def of_its_own(self) -> bool:
         """Whether it is reconstructed at a rate or a resolution of its own, and so not what is shown."""
         return self.scale < 1.0 or self.refresh_hz is not None

@@ -120,9 +120,9 @@ class Layout:
         return "; ".join(map(self._describe_region, self.regions_of(rank)))
 
     def _describe_region(self, region: Region) -> str:
-        rect, share = region.rect, self.layer(region).range
-        of = "" if share is None else f", objects {share[0]:.0%} to {share[1]:.0%}"
-        return f"{self.panel(region).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}{of}"
+        rect = region.rect
+        place = f"{self.panel(region).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}"
+        return place + self.layer(region).objects
 
     def _describe_compositor(self, rank: int) -> str:
         panels = dict.fromkeys(self.wall.viewports[layer.panel].id for layer in self.graph.layers_on(rank))

@@ -39,10 +39,10 @@ from wall.run.same_files import check_same
 from wall.run.succession import Preparer
 from wall.run.usage import give_memory_back
 from wall.run.warm_up import warm_up
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 if TYPE_CHECKING:
     from wall.run.bootstrap_mpi import MpiBootstrap
-from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 
 def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome | None:

@@ -49,14 +49,11 @@ def make_sinks(
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
-            views = [view.id for view in plan.views]
             page = output.browser
-            sink = browser = Browser(
-                page.host, page.port, layout.wall, views=views, why_images=why_images(layout), embed=page.embed,
-                **_access(layout.loaded),
-            )  # fmt: skip
+            access = _access(layout.loaded)
+            sink = browser = Browser(page.host, page.port, layout.wall, embed=page.embed, **access)
+            lay_out(plan, [browser])
         sinks.append(sink)
-    lay_out(plan, [browser])
     return sinks, browser
 
 
