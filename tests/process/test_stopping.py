@@ -215,7 +215,8 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
 ) -> None:
     config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
     before = set(os.listdir("/dev/shm"))
-    run = running("run", config, "--headless", "--out", tmp_path / "out", launcher=mpirun(3, "--with-ft", "ulfm"))
+    options = ("--with-ft", "ulfm", "--prtemca", "prte_tmpdir_base", str(tmp_path))  # what a killed mpirun leaves
+    run = running("run", config, "--headless", "--out", tmp_path / "out", launcher=mpirun(3, *options))
     read_until(run, "running (Ctrl-C")
     (victim,) = (pid for pid in session_of(run.pid) if environment_of(pid).get("OMPI_COMM_WORLD_RANK") == "1")
 
