@@ -20,8 +20,9 @@ from typing import Any, TypeVar
 
 from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
 from wall.display.base import ParameterState
-from wall.packets.control import ALL_BUT_OBJECTS, MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
+from wall.packets.control import ALL_BUT_OBJECTS, EditAnswer, EditRequest, parse_control, serialise
 from wall.packets.joining import JoinAnswer, JoinRequest
+from wall.packets.json_body import MAX_COMMANDS
 from wall.run import control_file
 from wall.transport.base import FIRST_CLIENT
 from wall.transport.curve import Keys

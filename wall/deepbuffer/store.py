@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32
-from wall.deepbuffer.kernels.accumulation import clear_tiles
+from wall.deepbuffer.kernels.accumulation import clear_accumulation
 from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE
+
+LISTED = 8  # one pixel in so many is cleared by itself: of more, whole tiles are
 
 
 class SampleStore(NamedTuple):
@@ -72,6 +74,8 @@ class PixelHistory(NamedTuple):
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles with a pixel that a sample contradicted
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
     accumulating: NDArray[np.bool_]  # (rows, columns) tiles that may have an accumulation
+    begun: NDArray[np.uint32]  # (n,) how many pixels began to accumulate since all were cleared, and y w + x of each;
+    # where more did than there is room for, not of all
     arrived: NDArray[np.int32]  # (rows, columns) samples that came since the tile was resolved, see RestSchedule
 
     @classmethod
@@ -89,9 +93,10 @@ class PixelHistory(NamedTuple):
             contradicted=np.zeros(tiles, np.bool_),
             dirty=np.zeros(tiles, np.bool_),
             accumulating=np.zeros(tiles, np.bool_),
+            begun=np.zeros(1 + -(-height * width // LISTED), np.uint32),
             arrived=np.zeros(tiles, np.int32),
         )
 
     def clear_accumulation(self) -> None:
         """Clear that of every pixel."""
-        clear_tiles(self.accumulation, self.accumulating)
+        clear_accumulation(self)

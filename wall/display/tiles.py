@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Rect
+from wall.core.kernels.differences import mark_differing
 from wall.display.base import PanelImage
 
 TILE = 32  # pixels; a multiple of 8: JPEG blocks of one tile take nothing from another
@@ -24,8 +25,15 @@ def updated(old: PanelImage, rgb: NDArray[np.uint8], version: int) -> PanelImage
     """
     if old.tiles is None:  # what displays hold of an earlier image with this id is not known here
         return replace(old, rgb=rgb, version=version, tiles=np.full(_grid(rgb), version))
-    differs = _differing(old.rgb.reshape(len(rgb), -1), rgb.reshape(len(rgb), -1))
+    differs = changed_tiles(old.rgb, rgb)
     return replace(old, rgb=rgb, version=version, tiles=np.where(differs, version, old.tiles)) if differs.any() else old
+
+
+def changed_tiles(old: NDArray[np.uint8], new: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(rows, columns) bool: tiles in which two images (h, w, 3) differ. 0.06 ms for 480x270 at most."""
+    differs = np.empty(_grid(new), np.bool_)
+    mark_differing(old.reshape(len(old), -1), new.reshape(len(new), -1), TILE, 3 * TILE, differs)
+    return differs
 
 
 def changed_since(image: PanelImage, version: int | None) -> NDArray[np.bool_]:
@@ -38,15 +46,6 @@ def changed_since(image: PanelImage, version: int | None) -> NDArray[np.bool_]:
 def _grid(rgb: NDArray[np.uint8]) -> tuple[int, int]:
     """Rows and columns of an image's tiles."""
     return -(-rgb.shape[0] // TILE), -(-rgb.shape[1] // TILE)
-
-
-def _differing(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(rows, columns) bool: tiles in which two images (h, 3 w) differ. 0.05 ms for 480x270, 0.7 ms for 1920x1080."""
-    bands = np.empty((-(-len(a) // TILE), a.shape[1]), np.uint8)
-    for k, band in enumerate(bands):
-        rows = slice(TILE * k, TILE * (k + 1))
-        np.bitwise_or.reduce(a[rows] ^ b[rows], axis=0, out=band)
-    return np.asarray(np.bitwise_or.reduceat(bands, np.arange(0, a.shape[1], 3 * TILE), axis=1) != 0)
 
 
 def tile_rects(tiles: NDArray[np.bool_], width: int, height: int) -> list[Rect]:

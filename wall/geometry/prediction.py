@@ -177,7 +177,7 @@ class Predictor:
         before = between(first.camera, second.camera) / (second.time - first.time)
         speed = between(second.camera, third.camera) / (third.time - second.time)
         for part in (slice(0, 3), slice(3, 6)):
-            if np.linalg.norm(speed[part]) > JUMP * np.linalg.norm(before[part]):
+            if math.hypot(*speed[part].tolist()) > JUMP * math.hypot(*before[part].tolist()):
                 speed[part] = 0.0
         return np.asarray(speed * self._going_on(now))
 

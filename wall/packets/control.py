@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import struct
 import zlib
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from wall.core.data import Event, StatisticsImage
@@ -21,6 +20,7 @@ from wall.packets.edits import edits_body, parse_edits
 from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, camera_of, is_plain, parse_part, part_head, pose_numbers
 from wall.packets.joining import JoinAnswer, JoinRequest, Leave
+from wall.packets.json_body import checked, json_body
 from wall.packets.notes import LEVELS, Note
 from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
@@ -34,16 +34,11 @@ MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters; of a JoinAnswer
 MAX_CONFIGURATION_BYTES = 1 << 20  # of that of a message with the text of a configuration
-MAX_NUMBER = 1e15  # of a float in JSON: no rate, no time and no error is as large, nor are sums of a thousand ranks'
-MAX_COUNTERS = 64
-MAX_ANSWERS = 256  # of a Heartbeat
 ALL_BUT_OBJECTS = ""  # a pattern of parameters' names
-MAX_COMMANDS = 64  # of a WindowInput; more go in several
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
 _EVENT = struct.Struct("<HQQdd3d9d3fB31p31pBdQ")  # then the edits
-_LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -293,7 +288,7 @@ def _body(message: Message) -> tuple[int, bytes]:
     if isinstance(message, FrameletPart):
         return KIND_FRAMELET, part_head(message)
     kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
-    return kind, json.dumps(asdict(message), allow_nan=False).encode()
+    return kind, json_body(message)
 
 
 def _parse_body(kind: int, body: bytes, data: bytes | memoryview) -> Message:
@@ -354,47 +349,10 @@ def _parse_json(cls: Any, body: bytes) -> Message:
     except (ValueError, RecursionError) as error:
         raise RemoteProtocolError(f"a {name} that is not JSON ({error})") from error
     if cls is Membership and isinstance(values, dict) and isinstance(values.get("members"), list):
-        values["members"] = tuple(_checked(Hello, member) for member in values["members"])
-    message: Message = _checked(cls, values)
+        values["members"] = tuple(checked(Hello, member) for member in values["members"])
+    message: Message = checked(cls, values)
     if isinstance(message, Heartbeat) and (below := [name for name in _NOT_BELOW_0 if getattr(message, name) < 0.0]):
         raise RemoteProtocolError(f"a Heartbeat of rank {message.rank} with {', '.join(below)} below 0")
     if isinstance(message, Note) and message.level not in LEVELS:
         raise RemoteProtocolError(f"a Note of level {message.level[:40]!r}; wanted one of {', '.join(LEVELS)}")
     return message
-
-
-def _checked(cls: Any, values: Any) -> Any:
-    """An object of a dataclass from a dictionary that has exactly its fields, of their types."""
-    name, known = cls.__name__, {f.name: f.type for f in fields(cls)}
-    if not isinstance(values, dict) or values.keys() != known.keys():
-        raise RemoteProtocolError(f"a {name} with other fields than {', '.join(known)}")
-    for key, kind in known.items():
-        if not _fits(values[key], str(kind)):
-            raise RemoteProtocolError(f"a {name} whose {key} is {str(values[key])[:40]!r}; wanted {kind}")
-    return cls(**values)
-
-
-def _fits(value: Any, kind: str) -> bool:
-    if kind == "bool":
-        return isinstance(value, bool)
-    if kind == "int":
-        return isinstance(value, int) and not isinstance(value, bool) and -1 <= value < 2**63
-    if kind == "float":
-        return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
-    if kind == "str":
-        return isinstance(value, str) and _LONE_SURROGATE.search(value) is None
-    if kind == "tuple[Hello, ...]":
-        return isinstance(value, tuple)
-    if kind == "list[dict[str, Any]]":
-        return isinstance(value, list) and all(isinstance(row, dict) for row in value)
-    if kind == "list[float]":
-        return isinstance(value, list) and len(value) <= MAX_ANSWERS and all(_fits(x, "float") for x in value)
-    if kind == "list[int]":
-        return isinstance(value, list) and all(_fits(x, "int") for x in value)
-    if kind == "list[Any]":
-        return isinstance(value, list) and len(value) <= MAX_COMMANDS
-    return (
-        isinstance(value, dict)
-        and len(value) <= MAX_COUNTERS
-        and all(_fits(k, "str") and _fits(v, "int") for k, v in value.items())
-    )

@@ -13,8 +13,9 @@ from collections.abc import Iterator
 
 from wall.core.data import Event, Region
 from wall.core.errors import RemoteProtocolError
-from wall.packets.control import MAX_ANSWERS, Assignment, Heartbeat, Hello, Membership, Stop
+from wall.packets.control import Assignment, Heartbeat, Hello, Membership, Stop
 from wall.packets.joining import Leave
+from wall.packets.json_body import MAX_ANSWERS
 from wall.packets.samples import decode, is_samples
 from wall.roles.edges import Sent, summed_number, target_ranks
 from wall.roles.instructions import (

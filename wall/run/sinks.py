@@ -13,7 +13,8 @@ from wall.display.base import LaysOut, Sink, Steered
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
-from wall.packets.control import MAX_COMMANDS, WindowInput
+from wall.packets.control import WindowInput
+from wall.packets.json_body import MAX_COMMANDS
 from wall.roles.handed_samples import why_images
 from wall.roles.node_settings import zoomed_places
 from wall.roles.plan import Plan, window_panels

@@ -21,6 +21,7 @@ from wall.core.colour import srgb_curve
 from wall.core.data import SAMPLE, Batch, Framelet, Rect, Region
 from wall.core.errors import ConfigError
 from wall.core.jit import cache_root, compiled_kernels
+from wall.display.tiles import changed_tiles
 from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
 from wall.packets.framelets import FrameletPart
@@ -247,7 +248,9 @@ def _between(plan: Plan) -> None:
     if graph.has_sink("browser"):  # what a click asks
         Picking(plan.scene).distance(plan.scene.at(0.0), np.zeros(3), np.array([0.0, 0.0, -1.0]))
     light = Framelet.blank(few, frozenset({"colour", "depth"}))
-    kernels.encode(light.colour, 0, 0, srgb_curve(), np.empty((8, 8, 3), np.uint8), 0, 0, 8, 8)
+    shown = np.zeros((8, 8, 3), np.uint8)
+    kernels.encode(light.colour, 0, 0, srgb_curve(), shown, 0, 0, 8, 8)
+    changed_tiles(shown, shown.copy())
     if graph.compositors > 1 or any(layer.at_renderer for layer in graph.layers):
         FrameletPart.of(0, light, few).write(light)
 

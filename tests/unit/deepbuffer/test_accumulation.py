@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from wall.core.data import SAMPLE
 from wall.core.jit import kernel
@@ -54,10 +55,19 @@ def test_only_the_tiles_given_are_looked_at(random_numbers: np.random.Generator)
     np.testing.assert_array_equal(history.accumulation[..., COUNT] == 0.0, inside)
 
 
-def test_clearing_leaves_nothing_in_tiles_that_accumulated_and_no_tile_marked() -> None:
-    history = PixelHistory.of(40, 25, detects_change=False)
-    for i, j in ((0, 0), (15, 31), (24, 39)):  # the last tiles are cut
-        history.accumulation[i, j], history.accumulating[i // 16, j // 16] = 1.0, True
-    history.clear_accumulation()
-    assert not history.accumulation.any()
-    assert not history.accumulating.any()
+@pytest.mark.parametrize("share", [0.05, 0.9], ids=["few", "many"])
+@pytest.mark.parametrize("times", [1, 2], ids=["once", "again"])
+def test_clearing_leaves_nothing_and_no_tile_marked(
+    share: float, times: int, random_numbers: np.random.Generator
+) -> None:
+    history = PixelHistory.of(40, 25, detects_change=False)  # the last tiles are cut
+    samples = np.zeros(1000, SAMPLE)
+    samples["radiance"] = 1.0
+    for _ in range(times):  # what is listed of the time before is not in the way
+        pixels = np.argwhere(random_numbers.random((25, 40)) < share)
+        accumulate_all(history, samples[: len(pixels)], pixels)
+        accumulate_all(history, samples[: len(pixels)], pixels)
+        assert (history.accumulation[..., COUNT] > 0).sum() == len(pixels)
+        history.clear_accumulation()
+        assert not history.accumulation.any()
+        assert not history.accumulating.any()

@@ -19,7 +19,6 @@ from wall.core.data import Camera, Event, Framelet, Rect
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import control
 from wall.packets.control import (
-    MAX_COMMANDS,
     Assignment,
     Heartbeat,
     Hello,
@@ -35,6 +34,7 @@ from wall.packets.control import (
 )
 from wall.packets.framelets import HEAD, FrameletPart
 from wall.packets.joining import JoinAnswer, JoinRequest, Leave
+from wall.packets.json_body import MAX_COMMANDS
 from wall.packets.notes import Note, note_of
 
 FINITE = st.floats(-1e15, 1e15)

@@ -41,6 +41,8 @@ def accumulate(history, i, j, sample):
     """Add a sample to pixel (i, j): Welford's means and squared deviations, which do not drift as sums do."""
     pixel = history.accumulation[i, j]
     history.accumulating[i // TILE, j // TILE] = True
+    if pixel[COUNT] == ZERO:
+        note_begun(history, i, j)
     pixel[COUNT] += ONE
     share = ONE / pixel[COUNT]
     red, green, blue = sample["radiance"][0], sample["radiance"][1], sample["radiance"][2]
@@ -79,14 +81,34 @@ def luminance(red, green, blue):
 
 
 @kernel
-def clear_tiles(accumulation, accumulating):
-    """Clear what pixels accumulated. accumulating : (rows, columns) bool, tiles that may have some; cleared too"""
+def clear_accumulation(history):
+    """Clear what pixels accumulated: of each that began to, or where these are many, of all in their tiles.
+
+    history : PixelHistory; `accumulation`, `accumulating` and `begun` updated
+    """
+    accumulation, accumulating, begun = history.accumulation, history.accumulating, history.begun
+    listed = begun[0] < begun.shape[0]
+    if listed:
+        flat = accumulation.reshape(-1, accumulation.shape[2])
+        for k in range(begun[0]):
+            flat[begun[k + 1]] = ZERO
     for row in range(accumulating.shape[0]):
         for column in range(accumulating.shape[1]):
-            if accumulating[row, column]:
+            if accumulating[row, column] and not listed:
                 left = column * TILE
                 accumulation[row * TILE : (row + 1) * TILE, left : left + TILE] = ZERO
-                accumulating[row, column] = False
+            accumulating[row, column] = False
+    begun[0] = 0
+
+
+@inline_kernel
+def note_begun(history, i, j):
+    """Pixel (i, j) begins to accumulate."""
+    begun = history.begun
+    if begun[0] < begun.shape[0]:
+        begun[0] += uint32(1)
+        if begun[0] < begun.shape[0]:
+            begun[begun[0]] = uint32(i * history.accumulation.shape[1] + j)
 
 
 @kernel

@@ -108,20 +108,29 @@ def fill_holes(sums, filled, holes, count, shown):
     """Mix in the coarser level where weight is missing: the more, the further it is below TRUSTED.
 
     sums : (h + 2, w + 2, 4) float32, see resolve_splats; filled : (ceil(h/2), ceil(w/2), 4) float32, see expand
-    holes : (h w,) uint32, pixels; count : int, of them; shown : (h, w, 3) float32, updated in the holes
+    holes : (h w,) uint32, pixels in order; count : int, of them; shown : (h, w, 3) float32, updated in the holes
     """
-    width, bottom, right = shown.shape[1], filled.shape[0] - 1, filled.shape[1] - 1
+    width, bottom, right = uint32(shown.shape[1]), uint32(filled.shape[0] - 1), uint32(filled.shape[1] - 1)
+    splats, light, out = sums.reshape(-1), filled.reshape(-1), shown.reshape(-1)
+    row, first = uint32(0), uint32(0)  # of the hole, and its first pixel
     for n in range(count):
-        i, j = int(holes[n]) // width, int(holes[n]) % width
-        y, x = i >> 1, j >> 1
-        far, side = min(max(y - 1 + 2 * (i & 1), 0), bottom), min(max(x - 1 + 2 * (j & 1), 0), right)
-        weight = sums[i + 1, j + 1, 3]
-        scale, missing = ONE / max(weight, TRUSTED), ONE - weight / TRUSTED
+        while holes[n] >= first + width:
+            row, first = row + uint32(1), first + width
+        column = holes[n] - first
+        y, x = row >> uint32(1), column >> uint32(1)
+        other = min(y + uint32(1), bottom) if row & uint32(1) else max(y, uint32(1)) - uint32(1)
+        side = min(x + uint32(1), right) if column & uint32(1) else max(x, uint32(1)) - uint32(1)
+        near, far = uint32(4) * y * (right + uint32(1)), uint32(4) * other * (right + uint32(1))
+        x, side = uint32(4) * x, uint32(4) * side
+        k, own = uint32(3) * holes[n], uint32(4) * ((row + uint32(1)) * (width + uint32(2)) + column + uint32(1))
+        weight = splats[own + uint32(3)]
+        scale, missing = ONE / max(weight, TRUSTED), ONE - weight * (ONE / TRUSTED)
         for c in range(3):
-            near = THREE_QUARTERS * filled[y, x, c] + QUARTER * filled[far, x, c]
-            beside = THREE_QUARTERS * filled[y, side, c] + QUARTER * filled[far, side, c]
-            fine = THREE_QUARTERS * near + QUARTER * beside
-            shown[i, j, c] = scale * sums[i + 1, j + 1, c] + missing * fine
+            a, b = light[near + x + uint32(c)], light[far + x + uint32(c)]
+            d, e = light[near + side + uint32(c)], light[far + side + uint32(c)]
+            here, beside = THREE_QUARTERS * a + QUARTER * b, THREE_QUARTERS * d + QUARTER * e
+            fine = THREE_QUARTERS * here + QUARTER * beside
+            out[k + uint32(c)] = scale * splats[own + uint32(c)] + missing * fine
 
 
 @inline_kernel
