@@ -22,7 +22,9 @@ STATM = Path("/proc/self/statm")  # pages: of the program, and resident
 
 def usage() -> Usage:
     """What this process uses."""
-    return Usage(memory=memory(), peak_memory=peak_memory(), cpu_seconds=cpu_seconds())
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    peak = used.ru_maxrss * 1024  # Linux counts KiB
+    return Usage(memory=memory(), peak_memory=peak, cpu_seconds=used.ru_utime + used.ru_stime)
 
 
 def nothing_used() -> Usage:
@@ -39,11 +41,6 @@ def cpu_seconds() -> float:
 def memory() -> int:
     """Resident set of this process now, bytes."""
     return int(STATM.read_text(encoding="ascii").split()[1]) * resource.getpagesize()
-
-
-def peak_memory() -> int:
-    """Largest resident set of this process so far, bytes."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # Linux counts KiB
 
 
 def give_memory_back() -> None:

@@ -30,10 +30,11 @@ def resolve_splats(sums, coarse, shown, holes):
     """
     height, width = shown.shape[0], shown.shape[1]
     scale, lacks = np.empty(width + 1, np.float32), np.zeros(width + RUN, np.uint8)
-    coarse[:] = ZERO
     count = uint32(0)
     for i in range(height):
         row, half, out = sums[i + 1].reshape(-1)[4 : 4 * (width + 1)], coarse[i >> 1].reshape(-1), shown[i].reshape(-1)
+        if i & 1 == 0:
+            half[:] = ZERO
         for j in range(width):
             scale[j] = ONE / max(row[4 * j + 3], TRUSTED)
         for k in range(width >> 1):
