@@ -51,6 +51,13 @@ class Pose(NamedTuple):
         """Of a whole panel, with every object where it is at `scene_time`."""
         return cls.of(panel, eye, camera, scene.at(scene_time).world_from_object)
 
+    @property
+    def pixel(self) -> float:
+        """Edge of a pixel over its distance: by how much depths differ across it, of a surface at 45 degrees."""
+        first, across, down = self.frame
+        axis = np.cross(across, down)
+        return float(np.linalg.norm(across) * np.linalg.norm(axis) / abs(first @ axis))
+
 
 class Posed(Protocol):
     """What fixes where everything is: an Event, or a Batch that was traced under one."""

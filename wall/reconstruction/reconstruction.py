@@ -311,14 +311,18 @@ class Reconstruction:
         """Weigh and splat the `count` samples of a store, which are those of some tiles; the nearest are known."""
         history, ageing = self.buffer.history, np.float32(self._with.ageing)
         decay = np.float32(SLOW_DECAY) * ageing * (1.0 + DECAY_PER_GRADIENT * history.temporal_gradient)
-        silhouette = kernels_visibility.SILHOUETTE_PER_S * ageing
-        kernels_visibility.bound_depths(history.nearest, moved, decay, silhouette, self.splat_sums, tiles, self._bounds)
+        silhouette, ratios = kernels_visibility.SILHOUETTE_PER_S * ageing, kernels_visibility.behind(self.pose.pixel)
+        kernels_visibility.bound_depths(
+            history.nearest, ratios.own, moved, decay, silhouette, self.splat_sums, tiles, self._bounds
+        )
         lighting = self._lighting
         filters = lighting is not None and (self.nothing_moves or lighting.is_due(now))
         if lighting is not None and filters and self._with.change_test:
             lighting.correct(store, count, now)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
-        kernels_visibility.weigh(store, count, history.nearest, self._bounds, now, young, self._weight, self._untested)
+        kernels_visibility.weigh(
+            store, count, history.nearest, ratios, self._bounds, now, young, self._weight, self._untested
+        )
         if lighting is not None and filters:
             table, rows = self.pose.panel_from_object, self.poses.rows
             lighting.filter(store, count, self._weight, history, now, table, rows)

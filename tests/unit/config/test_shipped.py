@@ -55,6 +55,7 @@ RANKS = {
     "measure/mirrors": 5,
     "measure/orbit": 5,
     "measure/shadows": 5,
+    "measure/telephoto": 5,
     "measure/walk": 5,
     "museum": 3,
     "orbital": 2,

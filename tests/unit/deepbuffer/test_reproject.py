@@ -33,6 +33,10 @@ def pose(matrix: Float64 | None, camera: Camera, seen: View = VIEW, panel: Panel
     return Pose.at(panel or seen.panel, seen.eye, scene_of([quad(1.0, 1.0)], [placed]), camera, 0.0)
 
 
+def test_a_pixels_edge_over_its_distance_is_that_of_the_focal_length() -> None:
+    assert math.isclose(pose(None, VIEW.event.camera).pixel, 2 * math.tan(math.radians(24.2 / 2)) / SIZE[1])
+
+
 def moved(matrix: Float64, by: Triple) -> Float64:
     matrix = matrix.copy()
     matrix[:3, 3] += by

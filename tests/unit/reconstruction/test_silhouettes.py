@@ -10,19 +10,24 @@ from wall.core.data import Float32, Float64
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE
 from wall.deepbuffer.store import SampleStore
-from wall.reconstruction.kernels.visibility import SILHOUETTE_PER_S, bound_depths, find_nearest, weigh
+from wall.reconstruction.kernels.visibility import SILHOUETTE_PER_S, behind, bound_depths, find_nearest, weigh
 
 SIZE = 40  # pixels
 NEAR, FAR = 1.0, 2.0
 
 
-def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
-    """(m,) which of deeper samples (m, 2) samples (n, 2) before them hide, all xy in pixels of a square image."""
+def covered(
+    nearer: Float64, deeper: Float64, *, far: float = FAR, pixel: float = 1.0, same: bool = False
+) -> NDArray[np.bool_]:
+    """(m,) which of deeper samples (m, 2) samples (n, 2) before them hide, all xy in pixels of a square image.
+
+    `far`: their depth, where that of the nearer ones is 1; `pixel`: see Pose.pixel; `same`: they are of one object
+    """
     places = np.concatenate([nearer, deeper])
-    screen = np.concatenate([places.T, np.where(np.arange(len(places)) < len(nearer), NEAR, FAR)[None]])
+    screen = np.concatenate([places.T, np.where(np.arange(len(places)) < len(nearer), NEAR, far)[None]])
     screen = screen.astype(np.float32)
     n = len(places)
-    object_id, ones = np.where(screen[2] == NEAR, 1, 2).astype(np.uint32), np.ones(n, np.float32)
+    object_id, ones = np.where(same | (screen[2] == NEAR), 1, 2).astype(np.uint32), np.ones(n, np.float32)
     store = SampleStore.of(n, lit=False)._replace(
         object_id=object_id, time=ones, confidence=ones.copy(), screen_position=screen
     )
@@ -32,8 +37,9 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     everywhere = np.ones(decay.shape, np.bool_)
     find_nearest(store, n, nearest, everywhere)
     no_image: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
-    bound_depths(nearest, np.ones(3, np.uint8), decay, SILHOUETTE_PER_S, no_image, everywhere, bounds)
-    weigh(store, n, nearest, bounds, now, np.float32(0.0), np.zeros(n, np.float32), np.zeros(n, np.uint32))
+    ratios = behind(pixel)
+    bound_depths(nearest, ratios.own, np.ones(3, np.uint8), decay, SILHOUETTE_PER_S, no_image, everywhere, bounds)
+    weigh(store, n, nearest, ratios, bounds, now, np.float32(0.0), np.zeros(n, np.float32), np.zeros(n, np.uint32))
     return np.asarray(screen[2, len(nearer) :] == OUTSIDE, bool)
 
 
@@ -104,3 +110,20 @@ def test_sparse_nearer_samples_cover_what_is_behind(density: float, least: float
 def test_nothing_hides_where_nothing_is_nearer(compiled_only: None) -> None:
     rng = np.random.default_rng(4)
     assert not covered(np.zeros((0, 2)), scattered(rng, 2.0)).any()
+
+
+@pytest.mark.parametrize(
+    ("pixel", "same", "ratio"),
+    [
+        (0.001, True, 1.016), (0.001, False, 1.0016), (1e-4, True, 1.0016), (1e-4, False, 1.00016),
+        (0.1, True, 1.05), (0.1, False, 1.005),
+    ],
+)  # fmt: skip
+def test_how_far_behind_is_hidden_goes_by_the_pixels_and_is_finer_for_another_object(
+    pixel: float, same: bool, ratio: float, random_numbers: np.random.Generator
+) -> None:
+    nearer, deeper = scattered(random_numbers, 2.0), scattered(random_numbers, 2.0)
+    within = 0.05 * (ratio - 1.0)
+    assert not covered(nearer, deeper, far=ratio - within, pixel=pixel, same=same).any()
+    hidden = covered(nearer, deeper, far=ratio + within, pixel=pixel, same=same)
+    assert hidden.mean() > 0.95

@@ -10,7 +10,6 @@ from wall.core.data import Float32
 from wall.deepbuffer.store import SampleStore
 from wall.reconstruction.kernels.splat import splat
 from wall.reconstruction.kernels.visibility import (
-    BEHIND,
     CONSERVATIVE_DEPTH,
     DECAY,
     DENSE,
@@ -18,10 +17,12 @@ from wall.reconstruction.kernels.visibility import (
     SHARPNESS,
     SILHOUETTE_PER_S,
     SLOWEST,
+    behind,
     bound_depths,
 )
 
 SIZE = 8  # pixels
+RATIO = behind(1.0).own
 FLOAT32 = 1e-5  # a few roundings of shares that sum to 1
 
 
@@ -55,8 +56,8 @@ def test_the_tent_is_steeper_only_where_samples_are_dense(weight: float, expecte
     sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
     sums[3, 5, 3] = weight
     bound_depths(
-        nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), SILHOUETTE_PER_S, sums, np.ones((1, 1), np.bool_),
-        bounds,
+        nearest, RATIO, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), SILHOUETTE_PER_S, sums,
+        np.ones((1, 1), np.bool_), bounds,
     )  # fmt: skip
     sharpness = bounds[SHARPNESS]
     assert sharpness[2, 4] == expected
@@ -73,7 +74,7 @@ def test_silhouettes_age_at_full_pace_where_they_move_else_by_density(moves: int
     sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
     sums[..., 3] = weight
     decay, moved = np.full((1, 1), 2.0, np.float32), np.array([0, moves, 0], np.uint8)
-    bound_depths(nearest, moved, decay, SILHOUETTE_PER_S, sums, np.ones(decay.shape, np.bool_), bounds)
+    bound_depths(nearest, RATIO, moved, decay, SILHOUETTE_PER_S, sums, np.ones(decay.shape, np.bool_), bounds)
     by_density = {0.0: 1.0, 0.6: 0.3, 8.0: 2.0}[weight]
     assert_allclose(bounds[DECAY, :, 3:6], 2.0 * by_density + float(SILHOUETTE_PER_S) * pace, rtol=FLOAT32)
     assert_allclose(np.delete(bounds[DECAY], (3, 4, 5), axis=1), 2.0 * by_density, rtol=FLOAT32)
@@ -98,10 +99,10 @@ def test_bounds_come_from_nine_pixels_in_whichever_rows_of_tiles(moved: tuple[in
     tiles = np.zeros((4, 3), np.bool_)
     tiles[list(rows), 1] = True
     decay, bounds = random.uniform(1, 2, tiles.shape).astype(np.float32), np.zeros((3, height, width), np.float32)
-    bound_depths(nearest, np.array(moved, np.uint8), decay, SILHOUETTE_PER_S, sums, tiles, bounds)
+    bound_depths(nearest, RATIO, np.array(moved, np.uint8), decay, SILHOUETTE_PER_S, sums, tiles, bounds)
 
     objects = nearest[..., 3].astype(int)
-    limit = neighbourhood(nearest[..., 0]).min(axis=0) * float(BEHIND)
+    limit = neighbourhood(nearest[..., 0]).min(axis=0) * float(RATIO)
     moves = neighbourhood(np.where(objects >= 0, np.array(moved)[objects], 0)).max(axis=0)
     deepest = neighbourhood(np.where(objects >= 0, nearest[..., 0], 0.0)).max(axis=0)
     pace = np.clip(sums[1:-1, 1:-1, 3] / float(DENSE), float(SLOWEST), float(SHARPEST))

@@ -13,6 +13,7 @@ from wall.deepbuffer.kernels.change import TRUSTED
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.reconstruction.gpu.device import OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.store import GpuStore, reserve
+from wall.reconstruction.kernels.visibility import Behind
 from wall.reconstruction.pyramid import pyramid_sizes
 
 CHANNELS = 4
@@ -87,11 +88,12 @@ class Passes:
         now: np.float32,
         young: np.float32,
         kept: int,
+        behind: Behind,
     ) -> None:
         """Make the image: `table` (n + 1, 12) panel_from_object, `moved` (n + 1,).
 
         changed : (n + 1,), objects that moved or whose light changed; contradicted : whether any sample is
-        now, young : seconds of the store's clock, see kernels.visibility; kept : samples that may stay
+        now, young : seconds of the store's clock, see kernels.visibility, as `behind`; kept : samples that may stay
         """
         self._objects.write(np.column_stack([table, moved, changed]).astype(np.float32))
         evicts, flag = store.count > kept, int(contradicted)
@@ -99,12 +101,16 @@ class Passes:
             self._reproject(store, contradicted=flag, size=self._size)
         self._over_pixels(store, clear=0, contradicted=flag)
         self._splat_sums.use(0)
-        self._device.compute("bound_depths", self._area, (self._nearest, self._bounds, self._objects), size=self._size)
+        bounded = (self._nearest, self._bounds, self._objects)
+        self._device.compute("bound_depths", self._area, bounded, size=self._size, behind_own=behind.own)
         if evicts:
             store.limit_age(now, kept)
         self._splat_target.clear()
         if store.count:
-            self._splat(store, now=now, young=young, evicts=int(evicts), size=self._size)
+            self._splat(
+                store, now=now, young=young, evicts=int(evicts), size=self._size,
+                behind_own=behind.own, behind_other=behind.other,
+            )  # fmt: skip
         self._fill()
 
     def find_nearest(self, store: GpuStore, table: Float32) -> None:
@@ -131,7 +137,7 @@ class Passes:
 
     def _splat(self, store: GpuStore, **uniforms: Any) -> None:
         a, screen = store.arrays, store.arrays["screen_position"]
-        weighed = (a["state"], screen, store.weight, self._nearest, self._bounds, store.ages)
+        weighed = (a["state"], screen, store.weight, self._nearest, self._bounds, store.ages, a["object_id"])
         self._device.compute("weigh", store.count, weighed, **uniforms)
         drawn = (screen, a["radiance"], store.weight, self._bounds)
         self._device.draw("splat", self._splat_target, (0, store.count), drawn, size=self._size)

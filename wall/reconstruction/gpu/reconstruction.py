@@ -33,6 +33,7 @@ from wall.reconstruction.gpu.passes import Passes
 from wall.reconstruction.gpu.relighting import Relighting
 from wall.reconstruction.gpu.store import GpuStore
 from wall.reconstruction.kernels.splat import mix_accumulation
+from wall.reconstruction.kernels.visibility import behind
 from wall.reconstruction.reconstruction import YOUNG_S, StoredSamples
 from wall.scene.build import Scene
 from wall.scene.needs import needs
@@ -217,6 +218,7 @@ class GpuReconstruction:
             self._store, pose.panel_from_object, moved, moved | relit,
             contradicted=not self.nothing_moves and bool(history.contradicted.any()),
             now=self._seconds(now), young=np.float32(YOUNG_S), kept=self._kept,
+            behind=behind(pose.pixel),
         )  # fmt: skip
         self._read = False
         if not self.nothing_moves:

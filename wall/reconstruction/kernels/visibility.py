@@ -5,6 +5,8 @@ Indices are unsigned: no test whether they count from the end.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
@@ -16,7 +18,11 @@ from wall.deepbuffer.kernels.sort import REACH
 uint32 = np.uint32
 INFINITE = np.float32(np.inf)
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-BEHIND = np.float32(1.05)  # ratio of depths: a sample so much deeper than its pixel's nearest is hidden
+STEEPEST = (
+    16.0  # pixels in depth for one across: what is deeper within 3x3 than by such a slope, 86 degrees, is behind,
+)
+FARTHEST = 0.05  # or by this share of its depth where pixels are large
+TOUCHING = 0.1  # of either: what is of another object goes on nowhere, but may touch
 COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
 AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # pixels: so do n whose mean lies within AMIDST + ALONE / n
 SLOT = np.float32(6.0)  # pixels of 3x3 that show nearer samples: with fewer, a pixel showing the deeper one is a gap
@@ -26,6 +32,19 @@ DENSE = np.float32(4.0)  # effective samples of a pixel: with more, they spread 
 SHARPEST = np.float32(3.0)  # times at most (a factor)
 CONSERVATIVE_DEPTH, DECAY, SHARPNESS = 0, 1, 2  # planes of bounds
 SLOWEST = np.float32(0.3)  # factor of decay where samples are few: there are no better ones
+
+
+class Behind(NamedTuple):
+    """Ratios of depths from which a sample counts as behind a nearer one, float32."""
+
+    own: np.float32  # of the same object
+    other: np.float32
+
+
+def behind(pixel: float) -> Behind:
+    """The ratios where a pixel's edge is `pixel` times its distance; see Pose.pixel."""
+    least = min(STEEPEST * pixel, FARTHEST)
+    return Behind(np.float32(1.0 + least), np.float32(1.0 + TOUCHING * least))
 
 
 @kernel
@@ -60,18 +79,19 @@ def find_nearest(store, count, nearest, tiles):
 
 
 @kernel
-def bound_depths(nearest, moved, decay, silhouette, density, tiles, bounds):
+def bound_depths(nearest, ratio, moved, decay, silhouette, density, tiles, bounds):
     """Bound the depth up to which samples are visible without further tests, their decay, and how far they spread.
 
     Where samples are dense, enough are near and new: the tent would only blur, the old would only lag behind.
 
-    nearest : (h, w, 4) float32, see PixelHistory
+    nearest : (h, w, 4) float32, see PixelHistory; ratio : float32, Behind.own
     moved : (n + 1,) uint8, objects that moved in the image; decay : (rows, columns) float32, 1 / seconds, of each tile
     silhouette : float32, 1 / seconds, SILHOUETTE_PER_S unless nothing is to age
     density : (h + 2, w + 2, 4) float32, splat sums of the image before, weight last
     tiles : (rows, columns) bool, where bounds are wanted, and for pixels within REACH
     bounds : (3, h, w) float32, written.
-        CONSERVATIVE_DEPTH: the least depth over 3x3 pixels, enlarged by BEHIND. DECAY, 1 / seconds: the tile's decay
+        CONSERVATIVE_DEPTH: the least depth over 3x3 pixels times `ratio`: for samples of the object that their
+        pixel shows. DECAY, 1 / seconds: the tile's decay
         times weight / DENSE from SLOWEST to SHARPEST (1 where nothing was shown); where deeper surfaces show within
         these pixels `silhouette` more, times that if none of them moves. SHARPNESS: weight / DENSE from 1 to SHARPEST
     """
@@ -100,7 +120,7 @@ def bound_depths(nearest, moved, decay, silhouette, density, tiles, bounds):
             slow[column * TILE : (column + 1) * TILE] = decay[i // TILE, column]
         bound, decays, sharpness = bounds[CONSERVATIVE_DEPTH, i], bounds[DECAY, i], bounds[SHARPNESS, i]
         for j in range(width):
-            bound[j] = min(low[j], min(low[j + 1], low[j + 2])) * BEHIND
+            bound[j] = min(low[j], min(low[j + 1], low[j + 2])) * ratio
         for j in range(width):
             edge = max(high[j], max(high[j + 1], high[j + 2])) > bound[j]
             pace = min(max(dense[j], SLOWEST), SHARPEST) if dense[j] > ZERO else ONE
@@ -142,14 +162,14 @@ def extremes(a, b, c, low, d, e, f, high):
 
 
 @inline_kernel
-def hidden(x, y, z, nearest):
+def hidden(x, y, z, object_id, nearest, ratios):
     """Whether nearer samples cover the position of one.
 
     Some lies within COVERS, or all of 3x3 pixels show nearer ones, or it lies amidst those that do. Beside a silhouette
     all nearer samples lie on one side, so that their mean is far: counting them alone would let silhouettes grow by
     half a pixel. Sums of zeros and ones, since branches here are guesses: it is 3 times as fast.
 
-    nearest : (h, w, 4) float32, see PixelHistory
+    object_id : float32; nearest : (h, w, 4) float32, see PixelHistory; ratios : Behind
     """
     top, bottom = max(np.int32(y) - 1, 0), min(np.int32(y) + 2, nearest.shape[0])
     left, right = max(np.int32(x) - 1, 0), min(np.int32(x) + 2, nearest.shape[1])
@@ -158,19 +178,22 @@ def hidden(x, y, z, nearest):
         for n in range(left, right):
             i, j = uint32(m), uint32(n)  # unsigned: no test whether it counts from the end
             dx, dy = nearest[i, j, NEAREST_X] - x, nearest[i, j, NEAREST_Y] - y
-            nearer = ONE if nearest[i, j, NEAREST_DEPTH] * BEHIND < z else ZERO
+            ratio = ratios.own if nearest[i, j, NEAREST_OBJECT] == object_id else ratios.other
+            nearer = ONE if nearest[i, j, NEAREST_DEPTH] * ratio < z else ZERO
             count += nearer
             across += nearer * dx
             down += nearer * dy
             covers += nearer if dx * dx + dy * dy < COVERS else ZERO
-    own = nearest[uint32(y), uint32(x), NEAREST_DEPTH] * BEHIND < z
+    i, j = uint32(y), uint32(x)
+    ratio = ratios.own if nearest[i, j, NEAREST_OBJECT] == object_id else ratios.other
+    own = nearest[i, j, NEAREST_DEPTH] * ratio < z
     reach = AMIDST * count + ALONE
     amidst = (count > ZERO) & (across * across + down * down < reach * reach) & ((count >= SLOT) | own)
     return (covers > ZERO) | amidst | (count >= np.float32((bottom - top) * (right - left)))
 
 
 @kernel
-def weigh(store, count, nearest, bounds, now, young, weight, untested):
+def weigh(store, count, nearest, ratios, bounds, now, young, weight, untested):
     """Weigh each sample: its confidence reduced by its age; nothing where it is hidden or outside.
 
     What is hidden waits for a while, then is rejected. Samples younger than `young` seconds are never hidden: what
@@ -179,12 +202,13 @@ def weigh(store, count, nearest, bounds, now, young, weight, untested):
     Parameters
     ----------
     store : SampleStore; rejected samples get depth OUTSIDE and no confidence; count : int, samples stored
-    nearest, bounds : see PixelHistory and bound_depths
+    nearest, ratios, bounds : see PixelHistory, Behind and bound_depths
     now, young : float32 seconds of the store's clock
     weight : (capacity,) float32, written
     untested : (capacity,) uint32, scratch: samples whose visibility needs a test
     """
-    screen, times, confidence = store.screen_position, store.time, store.confidence
+    screen, times, confidence, objects = store.screen_position, store.time, store.confidence, store.object_id
+    shown, closer = nearest.reshape(-1), ratios.own / ratios.other
     bound, decay = bounds[CONSERVATIVE_DEPTH].reshape(-1), bounds[DECAY].reshape(-1)
     width, tests = uint32(bounds.shape[2]), uint32(0)
     for k in range(count):  # no branches
@@ -195,11 +219,16 @@ def weigh(store, count, nearest, bounds, now, young, weight, untested):
         a = max(age, ZERO) * decay[i]
         w = confidence[k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
         weight[k] = w if inside else ZERO
+        other = shown[uint32(4) * i + uint32(NEAREST_OBJECT)] != np.float32(objects[k])
         untested[tests] = uint32(k)
-        tests += uint32(1) if inside & (age > young) & (z > bound[i]) else uint32(0)
+        tests += uint32(1) if inside & (age > young) & (z * (closer if other else ONE) > bound[i]) else uint32(0)
     for n in range(tests):  # in a loop of their own the tests overlap
         k = untested[n]
-        weight[k] *= ZERO if hidden(screen[X, k], screen[Y, k], screen[DEPTH, k], nearest) else ONE
+        weight[k] *= (
+            ZERO
+            if hidden(screen[X, k], screen[Y, k], screen[DEPTH, k], np.float32(objects[k]), nearest, ratios)
+            else ONE
+        )
     for n in range(tests):
         k = untested[n]
         if weight[k] == ZERO and now - times[k] >= WAIT_S:

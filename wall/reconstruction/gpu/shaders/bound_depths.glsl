@@ -5,6 +5,7 @@ layout(std430, binding = 0) readonly buffer Nearest { vec4 nearest[]; };  // dep
 layout(std430, binding = 1) writeonly buffer Bounds { float bounds[]; };  // conservative depth, decay, density
 layout(std430, binding = 2) readonly buffer Objects { float objects[]; };
 uniform ivec2 size;
+uniform float behind_own;  // see kernels.visibility.Behind
 
 void main() {
     uint p = item();
@@ -22,7 +23,7 @@ void main() {
         }
     float density = texelFetch(splat_sums, at + 1, 0).w / DENSE;
     float pace = density > 0.0 ? clamp(density, SLOWEST, SHARPEST) : 1.0;
-    bounds[3 * p] = least * BEHIND;
-    bounds[3 * p + 1] = pace * SLOW_DECAY + (most > least * BEHIND ? SILHOUETTE_PER_S * (moves ? 1.0 : pace) : 0.0);
+    bounds[3 * p] = least * behind_own;
+    bounds[3 * p + 1] = pace * SLOW_DECAY + (most > least * behind_own ? SILHOUETTE_PER_S * (moves ? 1.0 : pace) : 0.0);
     bounds[3 * p + 2] = density;
 }

@@ -6,12 +6,17 @@ layout(std430, binding = 2) writeonly buffer Weight { float weight[]; };
 layout(std430, binding = 3) readonly buffer Nearest { vec4 nearest[]; };  // depth (inf: none), x, y, object id
 layout(std430, binding = 4) readonly buffer Bounds { float bounds[]; };  // conservative depth, decay, density
 layout(std430, binding = 5) readonly buffer Ages { uint ages[]; };
+layout(std430, binding = 6) readonly buffer ObjectId { uint object_id[]; };
 uniform ivec2 size;
 uniform int evicts;  // 1: ages[AGES] is the last age that stays
 uniform float now;
 uniform float young;
+uniform float behind_own;  // see kernels.visibility.Behind
+uniform float behind_other;
 
-bool hidden(vec3 at) {
+float ratio(vec4 other, float own) { return other.w == own ? behind_own : behind_other; }
+
+bool hidden(vec3 at, float own) {
     ivec2 pixel = ivec2(at.xy);
     bool everywhere = true;
     float nearer = 0.0;
@@ -19,7 +24,7 @@ bool hidden(vec3 at) {
     for (int y = max(pixel.y - 1, 0); y < min(pixel.y + 2, size.y); y++) {
         for (int x = max(pixel.x - 1, 0); x < min(pixel.x + 2, size.x); x++) {
             vec4 other = nearest[y * size.x + x];
-            if (!(other.x * BEHIND < at.z)) {
+            if (!(other.x * ratio(other, own) < at.z)) {
                 everywhere = false;
                 continue;
             }
@@ -30,7 +35,8 @@ bool hidden(vec3 at) {
         }
     }
     if (everywhere) return true;
-    if (nearer < SLOT && nearest[pixel.y * size.x + pixel.x].x * BEHIND >= at.z) return false;
+    vec4 shown = nearest[pixel.y * size.x + pixel.x];
+    if (nearer < SLOT && shown.x * ratio(shown, own) >= at.z) return false;
     float reach = AMIDST * nearer + ALONE;
     return nearer > 0.0 && dot(sum, sum) < reach * reach;
 }
@@ -43,8 +49,9 @@ void main() {
     if (!(at.z > 0.0)) return;
     float age = now - state[2 * k + TIME];
     bool old = evicts != 0 && floatBitsToUint(max(age, 0.0)) >> AGE_SHIFT > ages[AGES];
-    int pixel = 3 * (int(at.y) * size.x + int(at.x));
-    bool covered = at.z > bounds[pixel] && age > young && hidden(at);
+    int shown = int(at.y) * size.x + int(at.x), pixel = 3 * shown;
+    float own = float(object_id[k]), closer = nearest[shown].w == own ? 1.0 : behind_own / behind_other;
+    bool covered = at.z * closer > bounds[pixel] && age > young && hidden(at, own);
     if (covered && age < WAIT_S && !old) return;
     if (covered || old) {
         screen[3 * k + DEPTH] = OUTSIDE;
