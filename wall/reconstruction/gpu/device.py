@@ -56,7 +56,7 @@ _CONSTANTS: dict[str, int | np.float32] = {
     **{
         name: getattr(visibility, name)
         for name in (
-            "COVERS", "SLOT", "AMIDST", "ALONE", "WAIT_S", "SILHOUETTE_PER_S", "DENSE", "SHARPEST", "SLOWEST",
+            "COVERS", "SLOT", "EMPTY", "AMIDST", "ALONE", "WAIT_S", "SILHOUETTE_PER_S", "DENSE", "SHARPEST", "SLOWEST",
         )
     },
 }  # fmt: skip

@@ -25,7 +25,10 @@ FARTHEST = 0.05  # or by this share of its depth where pixels are large
 TOUCHING = 0.1  # of either: what is of another object goes on nowhere, but may touch
 COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
 AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # pixels: so do n whose mean lies within AMIDST + ALONE / n
-SLOT = np.float32(6.0)  # pixels of 3x3 that show nearer samples: with fewer, a pixel showing the deeper one is a gap
+SLOT = np.float32(6.0)  # pixels of 3x3 that show nearer samples: with fewer, a pixel showing the deeper one is a gap,
+EMPTY = np.float32(
+    2.0 / 3.0
+)  # and with fewer by so much for each of them that shows nothing: that says nothing of gaps
 WAIT_S = np.float32(0.5)  # hidden samples are rejected from this age on; younger ones may become visible again
 SILHOUETTE_PER_S = np.float32(8.0)  # how much faster samples lose weight at silhouettes, where coverage changes
 DENSE = np.float32(4.0)  # effective samples of a pixel: with more, they spread less and age faster, in proportion,
@@ -173,7 +176,7 @@ def hidden(x, y, z, object_id, nearest, ratios):
     """
     top, bottom = max(np.int32(y) - 1, 0), min(np.int32(y) + 2, nearest.shape[0])
     left, right = max(np.int32(x) - 1, 0), min(np.int32(x) + 2, nearest.shape[1])
-    covers, count, across, down = ZERO, ZERO, ZERO, ZERO
+    covers, count, across, down, empty = ZERO, ZERO, ZERO, ZERO, ZERO
     for m in range(top, bottom):
         for n in range(left, right):
             i, j = uint32(m), uint32(n)  # unsigned: no test whether it counts from the end
@@ -181,6 +184,7 @@ def hidden(x, y, z, object_id, nearest, ratios):
             ratio = ratios.own if nearest[i, j, NEAREST_OBJECT] == object_id else ratios.other
             nearer = ONE if nearest[i, j, NEAREST_DEPTH] * ratio < z else ZERO
             count += nearer
+            empty += ONE if nearest[i, j, NEAREST_OBJECT] < ZERO else ZERO
             across += nearer * dx
             down += nearer * dy
             covers += nearer if dx * dx + dy * dy < COVERS else ZERO
@@ -188,7 +192,7 @@ def hidden(x, y, z, object_id, nearest, ratios):
     ratio = ratios.own if nearest[i, j, NEAREST_OBJECT] == object_id else ratios.other
     own = nearest[i, j, NEAREST_DEPTH] * ratio < z
     reach = AMIDST * count + ALONE
-    amidst = (count > ZERO) & (across * across + down * down < reach * reach) & ((count >= SLOT) | own)
+    amidst = (count > ZERO) & (across * across + down * down < reach * reach) & ((count >= SLOT - EMPTY * empty) | own)
     return (covers > ZERO) | amidst | (count >= np.float32((bottom - top) * (right - left)))
 
 

@@ -19,11 +19,12 @@ float ratio(vec4 other, float own) { return other.w == own ? behind_own : behind
 bool hidden(vec3 at, float own) {
     ivec2 pixel = ivec2(at.xy);
     bool everywhere = true;
-    float nearer = 0.0;
+    float nearer = 0.0, empty = 0.0;
     vec2 sum = vec2(0.0);
     for (int y = max(pixel.y - 1, 0); y < min(pixel.y + 2, size.y); y++) {
         for (int x = max(pixel.x - 1, 0); x < min(pixel.x + 2, size.x); x++) {
             vec4 other = nearest[y * size.x + x];
+            if (other.w < 0.0) empty += 1.0;
             if (!(other.x * ratio(other, own) < at.z)) {
                 everywhere = false;
                 continue;
@@ -36,7 +37,7 @@ bool hidden(vec3 at, float own) {
     }
     if (everywhere) return true;
     vec4 shown = nearest[pixel.y * size.x + pixel.x];
-    if (nearer < SLOT && shown.x * ratio(shown, own) >= at.z) return false;
+    if (nearer < SLOT - EMPTY * empty && shown.x * ratio(shown, own) >= at.z) return false;
     float reach = AMIDST * nearer + ALONE;
     return nearer > 0.0 && dot(sum, sum) < reach * reach;
 }
