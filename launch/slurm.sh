@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # A wall on a Slurm cluster:  sbatch --ntasks=5 launch/slurm.sh configs/two_by_two.yaml --seconds 60 --headless
 # `wall check CONFIG` says how many tasks a configuration needs. --cpus-per-task gives each of them more cores.
-# Relative paths start where sbatch is called.
+# Relative paths start where sbatch is called. MPIRUN_OPTIONS are handed to mpirun.
 #SBATCH --job-name=wall
 #SBATCH --time=01:00:00
 #SBATCH --cpus-per-task=2
@@ -18,5 +18,6 @@ export PATH="$clone/.venv/bin:$PATH"
 
 # mpirun inside the allocation, not srun: only mpirun lets the other ranks continue when one dies (ULFM).
 # The configuration must listen where other nodes can reach it: transport: {bind: 0.0.0.0}
-exec mpirun --with-ft ulfm --map-by "slot:PE=${SLURM_CPUS_PER_TASK:-1}" -n "${SLURM_NTASKS:?submit this with sbatch --ntasks=N}" \
+# shellcheck disable=SC2086  # several options
+exec mpirun --with-ft ulfm ${MPIRUN_OPTIONS:-} --map-by "slot:PE=${SLURM_CPUS_PER_TASK:-1}" -n "${SLURM_NTASKS:?submit this with sbatch --ntasks=N}" \
     wall run "$@"

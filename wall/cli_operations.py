@@ -12,14 +12,18 @@ from wall.commands.terminal import FAILED, console, load_config
 
 def top(
     address: Annotated[
-        str, typer.Argument(help="Address of the wall's page or metrics, with its token where there is one")
-    ],
+        str,
+        typer.Argument(
+            help="Folder of results of a running wall on this machine, or the address of its page or metrics, with "
+            "its token where there is one"
+        ),
+    ] = "OUT",
     every: Annotated[float, typer.Option(min=0.2, max=3600.0, help="Seconds between two looks")] = 1.0,
     once: Annotated[bool, typer.Option("--once", help="Print one table, and end")] = False,
 ) -> None:
     """Watch a running wall in a terminal: ranks, rates, ages, drops, memory and CPU. Ctrl-C ends it.
 
-    [bold]wall top http://127.0.0.1:8800/[/]
+    [bold]wall top OUT[/]
     """
     from wall.commands.top import Wall
     from wall.commands.top import top as show

@@ -165,6 +165,23 @@ def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
     assert "each with the bits of the run" in str(last)
 
 
+def test_a_rank_that_nothing_can_start_again_says_why(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
+) -> None:
+    config = write_config(tmp_path, path=ORBIT, restarts=1)
+    run = running("run", config, "--headless", "--out", tmp_path / "out")
+    only, nursery = sorted(renderers(run))
+    os.kill(nursery, signal.SIGKILL)
+    time.sleep(0.5)
+    os.kill(only, signal.SIGKILL)
+    output, _ = run.communicate(timeout=START_LIMIT_S)
+
+    assert run.returncode == 1, output
+    said = " ".join(output.split())
+    assert "rank 1: died (signal 9; what starts ranks again had ended, signal 9) after" in said
+    assert "it is not started again now" in said
+
+
 def test_run_without_any_renderer_left_ends_at_once(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:

@@ -30,7 +30,7 @@ def test_a_wall_starts_from_any_folder_with_the_clones_own_programs(tmp_path: Pa
     (clone / "launch").mkdir()
     shutil.copy(LAUNCH / script, clone / "launch" / script)
     called, first = clone / "launch" / script, ["hosts.txt", "5"]
-    environment = {"PATH": f"{programs}:{os.environ['PATH']}"}
+    environment = {"PATH": f"{programs}:{os.environ['PATH']}", "MPIRUN_OPTIONS": "--oversubscribe --bind-to none"}
     if script == "slurm.sh":  # Slurm copies it
         called, first = Path(shutil.copy(called, spool / "slurm_script")), []
         environment |= {"SLURM_JOB_ID": "7", "SLURM_NTASKS": "5", "SLURM_SUBMIT_DIR": str(caller)}
@@ -42,3 +42,4 @@ def test_a_wall_starts_from_any_folder_with_the_clones_own_programs(tmp_path: Pa
     where, program, *words = done.stdout.split()
     assert (where, program) == (str(caller), str(clone / ".venv/bin/wall"))
     assert words[-5:] == ["-n", "5", "wall", "run", "w.yaml"]
+    assert words[2:5] == ["--oversubscribe", "--bind-to", "none"]

@@ -75,12 +75,12 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
 def _extent(plan: Plan) -> str:
     """The wall's size, rate and eye."""
     wall, eye = plan.layout.wall, plan.view.eye
-    width, height = wall.lit_size
+    width, height = wall.extent
     across = abs(float(wall.panels[0].plane.normal @ (eye - wall.panels[0].corners[0])))
     return (
         f"wall: {len(wall.panels)} panel{'s' * (len(wall.panels) > 1)} on {wall.width}x{wall.height} pixels, "
         f"{width:.3g} x {height:.3g} m, shown at {plan.view.refresh_hz:g} Hz; the eye is {across:.3g} m before panel "
-        f"{wall.panels[0].id}, at ({', '.join(f'{x:.3g}' for x in eye)})"
+        f"{wall.panels[0].id}, at ({', '.join(f'{x + 0.0:.3g}' for x in eye.round(6))})"
     )
 
 

@@ -175,8 +175,10 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
 
 def _with_rank(message: str) -> str:
     """The message, and which rank of an MPI launch says so, where; not at the first, and outside of one."""
-    known = mpi_rank() == 0 or message.startswith("rank ")
-    return message if known else f"rank {mpi_rank()} on {socket.gethostname()}: {message}"
+    if mpi_rank() == 0 or message.startswith("rank "):
+        return message
+    first, *more = message.splitlines()  # all ranks read the same files: the others' words would be its own again
+    return f"rank {mpi_rank()} on {socket.gethostname()}: {first}" + f" (and {len(more)} lines more)" * bool(more)
 
 
 def readably(run: Callable[[], object]) -> None:

@@ -8,6 +8,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -19,6 +20,7 @@ from rich.text import Text
 
 from wall.commands.terminal import Terminal, si, spelled_out
 from wall.core.errors import ConfigError, RunError
+from wall.run.control_file import read
 
 ANSWER_S = 3.0  # for the wall's answer
 MOST_BYTES = 16 << 20  # of it
@@ -31,11 +33,25 @@ STALE_S = 2.0  # an older sample is marked
 Status = Mapping[str, Any]  # of /status.json
 
 
+def _address_in(folder: Path) -> str:
+    """The address of the page, or the metrics, of the wall that writes its results to a folder. Raises RunError."""
+    if not (page := read(folder).page):
+        raise RunError(
+            f"{folder}: that wall has no page; wanted: output.metrics in its configuration, or no --headless"
+        )
+    return page
+
+
 class Wall:
     """A run's status, by the address that the run has printed."""
 
     def __init__(self, address: str) -> None:
-        """`address`: with its token, where there is one. Raises ConfigError for what is none."""
+        """`address`: with its token, where there is one; or the run's folder of results.
+
+        Raises ConfigError for what is neither, RunError where no wall with a page runs in that folder.
+        """
+        if "//" not in address and Path(address).is_dir():
+            address = _address_in(Path(address))
         text = address if "//" in address else f"http://{address}"
         try:
             parts = urlsplit(text)

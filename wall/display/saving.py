@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -18,7 +19,7 @@ class Saver:
     """Calls `save` every few seconds, from a thread of its own, until it is closed."""
 
     def __init__(self, save: Callable[[], None], *, every_s: float = SAVE_S) -> None:
-        """`save` may raise RunError where nothing can be written: it is counted and tried again."""
+        """`save` may raise RunError where nothing can be written: it is counted, told on stderr, and tried again."""
         self._save, self._every_s = save, every_s
         self.failed = 0
         self._ending = threading.Event()
@@ -32,11 +33,15 @@ class Saver:
 
     def _run(self) -> None:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LEAST_PRIORITY)
-        wait_s = self._every_s
+        wait_s, failed_before = self._every_s, False
         while not self._ending.wait(wait_s):
             began = time.monotonic()
             try:
                 self._save()
-            except RunError:
+                failed_before = False
+            except RunError as error:
                 self.failed += 1
+                if not failed_before:
+                    print(f"warning: {error}; it is tried again while the run goes on", file=sys.stderr, flush=True)
+                failed_before = True
             wait_s = max(self._every_s, SHARE * (time.monotonic() - began))

@@ -6,6 +6,7 @@ y down, origin at the top left of all panels, bezel gaps and overlaps included a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -133,14 +134,26 @@ class Wall:
         return replace(self, panels=tuple(p for p in self.viewports if p.view == view), insets=(), of_layers=())
 
     @property
-    def lit_size(self) -> tuple[float, float]:
-        """Metres: the mean width of what is lit, overlaps once, and its area over that; curved panels as flat ones."""
+    def extent(self) -> tuple[float, float]:
+        """Metres across and down over all that is lit, gaps between panels with it.
+
+        Of a wall that is not flat the height, and the area over the height that is lit: its mean width, overlaps once.
+        """
         corners = [panel.lit for panel in self.panels]
+        if self.flat:
+            points = np.concatenate([np.vstack([c, c[1] + c[2] - c[0]]) for c in corners])
+            plane = self.panels[0].plane
+            across, down = (float(np.ptp(points @ axis) / np.linalg.norm(axis)) for axis in (plane.per_x, plane.per_y))
+            return across, down
         area = sum(float(np.linalg.norm(np.cross(c[1] - c[0], c[2] - c[0]))) for c in corners)
         area -= sum(overlap.size[0] * overlap.size[1] for overlap in self.overlaps)
-        heights = np.concatenate([[*c[:, 1], c[1, 1] + c[2, 1] - c[0, 1]] for c in corners])
-        width = area / max(float(np.ptp(heights)), 1e-9)
-        return width, area / width
+        spans = sorted(
+            (float(min(h)), float(max(h))) for c in corners for h in [[*c[:, 1], c[1, 1] + c[2, 1] - c[0, 1]]]
+        )
+        lit, top = 0.0, -math.inf
+        for low, high in spans:
+            lit, top = lit + max(0.0, high - max(low, top)), max(top, high)
+        return area / max(lit, 1e-9), top - spans[0][0]
 
     @property
     def flat(self) -> bool:

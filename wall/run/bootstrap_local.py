@@ -95,6 +95,8 @@ class LocalBootstrap:
         for rank, child in enumerate(self._children, start=1):
             if child.exitcode and rank not in self._again:
                 ended[rank] = _how(child.exitcode)
+        if ended and self._nursery is not None and (gone := self._nursery.gone):
+            return {rank: f"{how}; what starts ranks again had ended, {gone}" for rank, how in ended.items()}
         return ended
 
     def start_again(self, rank: int, text: str) -> bool:
@@ -127,6 +129,11 @@ class Nursery:
         process.start()
         self._forked: set[int] = set()  # ranks, once at least
         self._ended: dict[int, str] = {}  # of these: how they ended
+
+    @property
+    def gone(self) -> str:
+        """How it has ended; "" while it is there."""
+        return "" if self._process.exitcode is None else _how(self._process.exitcode)
 
     def fork(self, rank: int, text: str) -> bool:
         """Fork a rank, which gets `text` as a broadcast. Returns whether the nursery is there."""

@@ -31,6 +31,7 @@ class Control:
     head: str  # its public key, by which it proves itself; "" where nothing is encrypted
     host: str
     pid: int
+    page: str = ""  # address of its page, or of its metrics, with the token; "" without either
 
 
 def new_key() -> str:
@@ -100,6 +101,6 @@ def parse(text: str, name: str) -> Control:
     try:
         values = json.loads(text)
         texts = {name: str(values[name]) for name in ("endpoint", "key", "head", "host")}
-        return Control(**texts, pid=int(values["pid"]))
+        return Control(**texts, pid=int(values["pid"]), page=str(values.get("page", "")))
     except (ValueError, KeyError, TypeError) as error:
         raise RunError(f"{name}: does not say how to reach a wall ({error}); wanted: that of a running one") from error

@@ -188,7 +188,7 @@ class HeadProcess:
         )  # fmt: skip
         self._signals.install()
         closing.later(Saver(self._save_summary).close)
-        with self._reachable(control.endpoint, key):
+        with self._reachable(control.endpoint, key, served.address if (served := browser or metrics) else ""):
             opened(browser.address if browser else "")
             managing.start()
             self._managed = True  # it tells ranks to end
@@ -202,13 +202,14 @@ class HeadProcess:
         if managing.failure is not None:
             self.failures.append(f"the manager failed: {managing.failure!r}")
 
-    def _reachable(self, endpoint: str, key: str) -> AbstractContextManager[None]:
+    def _reachable(self, endpoint: str, key: str, page: str) -> AbstractContextManager[None]:
         """While inside, other processes find the manager."""
         if endpoint.startswith(LOOPBACK):
             return nullcontext()
         keys = self._bootstrap.keys
         head = keys.ranks[HEAD] if keys is not None else ""
-        here = Control(endpoint=endpoint, key=key, head=head, host=socket.gethostname(), pid=os.getpid())
+        host = socket.gethostname()
+        here = Control(endpoint=endpoint, key=key, head=head, host=host, pid=os.getpid(), page=page)
         return announced(self._options.out, here)
 
     def _host_of(self, rank: int) -> str:

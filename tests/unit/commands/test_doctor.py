@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import socket
 import threading
@@ -105,6 +106,16 @@ def test_limits_of_the_machine_are_compared_with_what_is_needed(monkeypatch: pyt
     assert too_small.state == "warning"
     [some], [many] = machine.cores(1), machine.cores(1 << 20)
     assert (some.state, many.state) == ("ok", "warning")
+    [unknown] = machine.shared_memory(0)
+    assert "needed" not in unknown.found
+
+
+def test_cores_that_mpirun_binds_a_process_to_are_not_all_that_ranks_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {3})
+    monkeypatch.setattr(os, "cpu_count", lambda: 8)
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "5")
+    [bound] = machine.cores(5)
+    assert (bound.state, bound.found) == ("ok", "8; mpirun binds this process to 1 of them, for 5 ranks")
 
 
 def test_an_mpirun_that_does_not_start_ranks_is_said_with_its_words(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 
-from wall.commands.terminal import Terminal, load_config, print_notes
+from wall.commands.terminal import Terminal, load_config, print_notes, readably
 from wall.core.errors import ConfigError
 from wall.roles.plan import make_layout, make_plan
 
@@ -27,6 +27,23 @@ def test_notes_of_a_model_are_printed_by_rank_0_alone(
     monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "2")
     print_notes(plan)
     assert capsys.readouterr().err == ""
+
+
+def test_ranks_but_the_first_repeat_one_line_of_a_refusal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse() -> None:
+        raise ConfigError("w.yaml:3:1: one\nw.yaml:4:1: two\nw.yaml:5:1: three")
+
+    for rank, lines in (("0", 3), ("2", 1)):
+        monkeypatch.setenv("OMPI_COMM_WORLD_RANK", rank)
+        with pytest.raises(SystemExit) as ended:
+            readably(refuse)
+        assert ended.value.code == 2
+        said = capsys.readouterr().err
+        assert len(said.splitlines()) == lines
+    assert said.startswith("rank 2 on ")
+    assert "w.yaml:3:1: one (and 2 lines more)" in said
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(4, 3), (7, 2), (14, 2), (14, 30)])

@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +15,7 @@ from wall.commands.top import TRIES, Wall, top
 from wall.core.errors import ConfigError, RunError
 from wall.display.base import RankStatus, RankTotals, Status
 from wall.display.metrics_server import MetricsServer
+from wall.run.control_file import Control, announced
 
 TOKEN = "sixteen-letters-0"
 
@@ -51,6 +53,16 @@ def test_one_table_has_every_rank_and_the_cores_of_the_time_between(server: Metr
     assert lines[2] == ["0", "renderer", "p\\x1b[31m", "node7", "2", "M", "0", "0.0", "s", "0", "64", "MB", "1.50"]
     assert lines[3][-1] == "MB", "a rank that was not heard of has used no known time"
     assert [" ".join(words) for words in lines[4:]] == ["dropped: rank 1: late 3", "rank 1: died"]
+
+
+def test_a_wall_is_found_by_its_folder_of_results(server: MetricsServer, tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="no such file"):
+        Wall(str(tmp_path))
+    control = Control(endpoint="tcp://x:1", key="k", head="", host="h", pid=1)
+    with announced(tmp_path, control), pytest.raises(RunError, match="has no page"):
+        Wall(str(tmp_path))
+    with announced(tmp_path, replace(control, page=server.address)):
+        assert Wall(str(tmp_path)).status() is not None
 
 
 def test_a_run_that_ends_is_said_to_be_gone(server: MetricsServer) -> None:

@@ -72,17 +72,20 @@ def test_files_are_written_while_images_are_shown(tmp_path, image, status):
     assert not (tmp_path / "wall.png").exists(), "the same image is not written again"
 
 
-def test_images_that_cannot_be_written_are_counted(tmp_path, image, status):
+def test_images_that_cannot_be_written_are_counted_and_told_once(tmp_path, image, status, capsys):
     sink = PngSink(tmp_path, every_s=0.01)
     (tmp_path / "wall.png").mkdir()
     sink.show(image(1), status)
     limit = time.monotonic() + 30.0
-    while "png_unwritten" not in sink.dropped():
+    while sink.dropped().get("png_unwritten", 0) < 3:
         assert time.monotonic() < limit
         time.sleep(0.01)
     (tmp_path / "wall.png").rmdir()
     sink.close()
     assert (tmp_path / "wall.png").is_file()
+    said = capsys.readouterr().err
+    assert said.count(f"warning: cannot write {tmp_path / 'wall.png'}: ") == 1
+    assert "tried again" in said
 
 
 def test_nothing_shown_writes_nothing(tmp_path):

@@ -136,3 +136,26 @@ def test_panel_is_found_by_its_id() -> None:
     assert wall.panel("r1c2").index == 5
     with pytest.raises(KeyError):
         wall.panel("r9c9")
+
+
+@pytest.mark.parametrize(
+    ("changes", "size"),
+    [
+        ({"columns": 1, "rows": 2}, (0.48, 0.564)), ({}, (1.488, 0.564)), ({"bezel": 0.0}, (1.44, 0.54)),
+        ({"columns": 2, "rows": 1, "bezel": 0.0, "overlap": (0.048, 0.0)}, (0.912, 0.27)),
+    ],
+)  # fmt: skip
+def test_a_flat_wall_extends_over_its_panels_and_the_gaps_between(
+    changes: dict[str, object], size: tuple[float, float]
+) -> None:
+    assert_allclose(grid(**changes).extent, size, atol=ROUNDING)
+
+
+def test_a_wall_of_two_faces_extends_over_the_lengths_of_both() -> None:
+    """Two columns at a right angle, two panels of 0.3 m each with a gap of 0.1 m."""
+    panels = tuple(
+        panel(f"p{k}{row}", at, angle=angle)
+        for k, (at, angle) in enumerate((((0.0, 0.0, 0.0), 0.0), ((0.4, 0.0, 0.0), 90.0)))
+        for row, at in enumerate((at, (at[0], 0.4, at[2])))
+    )
+    assert_allclose(expand(WallConfig(panels=panels)).extent, (0.8, 0.7), atol=ROUNDING)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from wall.commands.doctor.finding import Finding, State
 from wall.core.jit import cache_root, wanted_cache_root
+from wall.core.mpi import under_mpi
 
 SHARED = Path("/dev/shm")
 MPI_S, GPU_S = 60.0, 30.0  # for programs that check these
@@ -68,8 +69,13 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 def cores(ranks: int) -> Iterator[Finding]:
     """Cores of this machine, against ranks; 0: not known."""
-    there = len(os.sched_getaffinity(0))
-    found = f"{there} that this process may use" + (f", for {ranks} ranks" if ranks else "")
+    own, there = len(os.sched_getaffinity(0)), os.cpu_count() or 1
+    bound = under_mpi() and own < there  # each rank to some: together they may use all
+    there = there if bound else own
+    found = (
+        f"{there} that this process may use" if not bound else f"{there}; mpirun binds this process to {own} of them"
+    )
+    found += f", for {ranks} ranks" if ranks else ""
     mend = (
         "spread the ranks over several machines, or lower pixels, lights, refresh_hz (wall check says what to expect)"
     )
@@ -89,7 +95,8 @@ def shared_memory(needed: int, folder: Path = SHARED) -> Iterator[Finding]:
     """Room for images between ranks of one machine, against `needed` bytes; without it they are sent."""
     about = os.statvfs(folder)
     free = about.f_bavail * about.f_frsize
-    found = f"{free >> 20} MB free in {folder}, at most {needed >> 20} MB needed for images between ranks"
+    found = f"{free >> 20} MB free in {folder}"
+    found += f", at most {needed >> 20} MB needed for images between ranks" if needed else ""
     mend = f"mount -o remount,size={(needed >> 20) + 64}M {folder} (docker run --shm-size); until then images are sent"
     yield Finding(name="shared memory", state="ok" if free >= needed else "warning", found=found, mend=mend)
 

@@ -25,7 +25,7 @@ import numpy as np
 from wall.compositing.executor import Changes
 from wall.core.clock import ManualClock
 from wall.core.data import Event
-from wall.core.errors import ConfigError, RunError
+from wall.core.errors import ConfigError, RunError, WallError
 from wall.packets.control import Heartbeat, Message, parse_control, serialise
 from wall.roles.adaptive_renderer import AdaptiveRenderer
 from wall.roles.composition import Composition
@@ -169,7 +169,11 @@ class _Head:
             managing.join(PATIENCE_S)
             if not all(pipe.poll(PATIENCE_S) for pipe in pipes):
                 raise RunError(f"a renderer that was measured said nothing for {PATIENCE_S:.0f} s")
-            return [pipe.recv() for pipe in pipes]
+            told: list[Told | str] = [pipe.recv() for pipe in pipes]
+            for one in told:
+                if isinstance(one, str):
+                    raise RunError(f"measuring costs: {one}")
+            return [one for one in told if isinstance(one, Told)]
 
 
 def _end(process: BaseProcess) -> None:
@@ -219,7 +223,11 @@ def _render(plan: Plan, tracer_scene: TracerScene, rank: int, endpoint: str, pip
         return ()
 
     renderer = Renderer(plan, hello_of(rank), ports.ready)
-    Loop(renderer, ports, clock, tracers=cast(Any, timed), sources=[count]).run(lambda: os.getppid() == parent)
+    try:
+        Loop(renderer, ports, clock, tracers=cast(Any, timed), sources=[count]).run(lambda: os.getppid() == parent)
+    except WallError as error:
+        pipe.send(f"{error}; wanted: fewer renderers, or --rates FILE with costs of another machine")
+        return
     beside = time.process_time() - began - sum(step[0] for step in timed.steps)
     pipe.send(Told(steps=timed.steps, turns=turns, seconds=clock.now() - since, beside_s=beside))
     ports.close()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from wall.commands.fit import with_share
 from wall.config.loading import Loaded, loads
 from wall.core.errors import ConfigError
 from wall.roles.plan import make_layout, make_plan
@@ -31,6 +34,7 @@ graph: sort-first
 """
 RUN_S = 8.0  # of a run that a simulation is compared with
 RENDERERS = 2  # that rates are measured with
+PIXELS_A_CORE = 200_000  # of a wall that costs are measured on: a panel of 480x270 and a half
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,4 +104,10 @@ def _measured(loaded: Loaded | None, say: Callable[[str], None]) -> files.Rates:
     layout = make_layout(loaded)
     if len(layout.regions) > MOST_RENDERERS:
         raise loaded.error(("graph",), f"{len(layout.regions)} renderers cannot be measured here", "--rates FILE")
+    cores = len(os.sched_getaffinity(0))
+    share = cores * PIXELS_A_CORE / sum(panel.pixels[0] * panel.pixels[1] for panel in layout.wall.panels)
+    if share < 1.0:  # renderers that never keep up would be measured at nothing but that
+        with suppress(ConfigError):  # a file that fits the panels as they are
+            layout = make_layout(with_share(loaded, share))
+            say(f"measuring with {share:.1%} of the pixels, which {cores} cores keep up with")
     return measure(make_plan(layout), say=say)

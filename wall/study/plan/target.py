@@ -91,7 +91,7 @@ def of_plan(plan: Plan) -> Target:
     """A configuration's wall, as its first view's eye sees it."""
     wall, view = plan.layout.wall, plan.view
     separation = plan.layout.config.views[0].eye_separation
-    width, height = wall.lit_size
+    width, height = wall.extent
     found = []
     for panel in wall.panels:
         eye = eye_of(panel, np.asarray(view.eye), separation)
