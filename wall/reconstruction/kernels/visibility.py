@@ -18,17 +18,13 @@ from wall.deepbuffer.kernels.sort import REACH
 uint32 = np.uint32
 INFINITE = np.float32(np.inf)
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-STEEPEST = (
-    16.0  # pixels in depth for one across: what is deeper within 3x3 than by such a slope, 86 degrees, is behind,
-)
+STEEPEST = 16.0  # pixels in depth for one across, 86 degrees: what is deeper within 3x3 by a steeper slope is behind,
 FARTHEST = 0.05  # or by this share of its depth where pixels are large
 TOUCHING = 0.1  # of either: what is of another object goes on nowhere, but may touch
 COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
 AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # pixels: so do n whose mean lies within AMIDST + ALONE / n
 SLOT = np.float32(6.0)  # pixels of 3x3 that show nearer samples: with fewer, a pixel showing the deeper one is a gap,
-EMPTY = np.float32(
-    2.0 / 3.0
-)  # and with fewer by so much for each of them that shows nothing: that says nothing of gaps
+EMPTY = np.float32(2.0 / 3.0)  # less for each of them that shows nothing, which says nothing of gaps
 WAIT_S = np.float32(0.5)  # hidden samples are rejected from this age on; younger ones may become visible again
 SILHOUETTE_PER_S = np.float32(8.0)  # how much faster samples lose weight at silhouettes, where coverage changes
 DENSE = np.float32(4.0)  # effective samples of a pixel: with more, they spread less and age faster, in proportion,
