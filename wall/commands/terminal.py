@@ -177,8 +177,13 @@ def _with_rank(message: str) -> str:
     """The message, and which rank of an MPI launch says so, where; not at the first, and outside of one."""
     if mpi_rank() == 0 or message.startswith("rank "):
         return message
-    first, *more = message.splitlines()  # all ranks read the same files: the others' words would be its own again
-    return f"rank {mpi_rank()} on {socket.gethostname()}: {first}" + f" (and {len(more)} lines more)" * bool(more)
+    return f"rank {mpi_rank()} on {socket.gethostname()}: {message}"
+
+
+def _refusal(message: str) -> str:
+    """A refusal of a configuration, of which other ranks than the first repeat a line: all read the same files."""
+    first, _, more = message.partition("\n")
+    return _with_rank(message if mpi_rank() == 0 or not more else f"{first} (and more, as rank 0 says)")
 
 
 def readably(run: Callable[[], object]) -> None:
@@ -188,7 +193,7 @@ def readably(run: Callable[[], object]) -> None:
     try:
         run()
     except (ConfigError, EditError) as error:
-        errors.print(_with_rank(str(error)), style="red")
+        errors.print(_refusal(str(error)), style="red")
         sys.exit(REFUSED)
     except WallError as error:
         fail(str(error))

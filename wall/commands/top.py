@@ -1,4 +1,4 @@
-"""`wall top`: a table of a run elsewhere, kept up to date in the terminal, from its `/status.json`."""
+"""`wall top`: a table of a running wall, kept up to date in the terminal, from its `/status.json`."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ def _address_in(folder: Path) -> str:
 
 
 class Wall:
-    """A run's status, by the address that the run has printed."""
+    """A run's status, by its folder of results or its address."""
 
     def __init__(self, address: str) -> None:
         """`address`: with its token, where there is one; or the run's folder of results.
 
         Raises ConfigError for what is neither, RunError where no wall with a page runs in that folder.
         """
-        if "//" not in address and Path(address).is_dir():
+        if "//" not in address and (Path(address).is_dir() or not {".", ":"} & set(address.partition("/")[0])):
             address = _address_in(Path(address))
         text = address if "//" in address else f"http://{address}"
         try:

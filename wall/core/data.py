@@ -171,7 +171,7 @@ class Camera:
 
         `eye`: from the view's own, metres, wall frame, rounded to float32; `scale`: world units a metre of the wall.
         """
-        if eye == self.eye:  # no look at the rounding
+        if eye == self.eye:  # skips the rounding
             return self
         x, y, z = np.array(eye, np.float32).tolist()
         if (x, y, z) == self.eye:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -53,10 +54,11 @@ class Pose(NamedTuple):
 
     @property
     def pixel(self) -> float:
-        """Edge of a pixel over its distance: by how much depths differ across it, of a surface at 45 degrees."""
+        """Longer edge of a pixel over its distance: by how much depths differ across it, of a surface at 45 degrees."""
         first, across, down = self.frame
         axis = np.cross(across, down)
-        return float(np.linalg.norm(across) * np.linalg.norm(axis) / abs(first @ axis))
+        edge = math.sqrt(max(float(across @ across), float(down @ down)))
+        return edge * math.sqrt(float(axis @ axis)) / max(abs(float(first @ axis)), math.ulp(0.0))
 
 
 class Posed(Protocol):

@@ -74,8 +74,8 @@ class PixelHistory(NamedTuple):
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles with a pixel that a sample contradicted
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
     accumulating: NDArray[np.bool_]  # (rows, columns) tiles that may have an accumulation
-    begun: NDArray[np.uint32]  # (n,) how many pixels began to accumulate since all were cleared, and y w + x of each;
-    # where more did than there is room for, not of all
+    begun: NDArray[np.uint32]  # (n,) how many pixels began to accumulate since all were cleared, then y w + x of each;
+    # n: not all of them are listed. To be set so by whoever writes to `accumulation` without `accumulate`
     arrived: NDArray[np.int32]  # (rows, columns) samples that came since the tile was resolved, see RestSchedule
 
     @classmethod

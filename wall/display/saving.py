@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import threading
@@ -42,6 +43,7 @@ class Saver:
             except RunError as error:
                 self.failed += 1
                 if not failed_before:
-                    print(f"warning: {error}; it is tried again while the run goes on", file=sys.stderr, flush=True)
+                    with contextlib.suppress(OSError, ValueError):  # stderr may be on the same full disk, or closed
+                        print(f"warning: {error}; it is tried again while the run goes on", file=sys.stderr, flush=True)
                 failed_before = True
             wait_s = max(self._every_s, SHARE * (time.monotonic() - began))

@@ -30,7 +30,8 @@ def updated(old: PanelImage, rgb: NDArray[np.uint8], version: int) -> PanelImage
 
 
 def changed_tiles(old: NDArray[np.uint8], new: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(rows, columns) bool: tiles in which two images (h, w, 3) differ. 0.06 ms for 480x270 at most."""
+    """(rows, columns) bool: tiles in which two images (h, w, 3) differ. 480x270: 0.06 ms if none does, 3 us if all."""
+    assert old.shape == new.shape
     differs = np.empty(_grid(new), np.bool_)
     mark_differing(old.reshape(len(old), -1), new.reshape(len(new), -1), TILE, 3 * TILE, differs)
     return differs

@@ -96,7 +96,8 @@ class LocalBootstrap:
             if child.exitcode and rank not in self._again:
                 ended[rank] = _how(child.exitcode)
         if ended and self._nursery is not None and (gone := self._nursery.gone):
-            return {rank: f"{how}; what starts ranks again had ended, {gone}" for rank, how in ended.items()}
+            said = f"; what starts ranks again had ended, {gone}"
+            return {rank: how + said * (rank not in self._again) for rank, how in ended.items()}
         return ended
 
     def start_again(self, rank: int, text: str) -> bool:

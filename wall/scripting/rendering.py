@@ -93,13 +93,17 @@ def _camera(camera: str | Words) -> str | Words:
     return {"name": camera} if isinstance(camera, str) and camera != "auto" else camera
 
 
+def _is_size(value: object) -> bool:
+    return isinstance(value, tuple | list) and len(value) == 2 and all(isinstance(n, int) and n > 0 for n in value)
+
+
 def _check(size: tuple[int, int] | None, *, samples: int, seed: int, at: float) -> None:
     """Refuse what the command line would refuse."""
     if under_mpi():
         raise ConfigError(
             "wall.render uses the cores of one machine: start it without mpirun; `wall render` uses ranks"
         )
-    if size is not None and not (len(size) == 2 and all(isinstance(n, int) and n > 0 for n in size)):
+    if size is not None and not _is_size(size):
         raise ConfigError(f"size = {size!r}: is no size; accepted: width and height in pixels, as in (960, 540)")
     if not (isinstance(samples, int) and 1 <= samples <= MOST_SAMPLES):
         raise ConfigError(f"samples = {samples!r}: accepted: a whole number from 1 to {MOST_SAMPLES}")

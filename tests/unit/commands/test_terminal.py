@@ -43,7 +43,7 @@ def test_ranks_but_the_first_repeat_one_line_of_a_refusal(
         said = capsys.readouterr().err
         assert len(said.splitlines()) == lines
     assert said.startswith("rank 2 on ")
-    assert "w.yaml:3:1: one (and 2 lines more)" in said
+    assert "w.yaml:3:1: one (and more, as rank 0 says)" in said
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(4, 3), (7, 2), (14, 2), (14, 30)])

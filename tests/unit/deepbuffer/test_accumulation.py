@@ -55,6 +55,16 @@ def test_only_the_tiles_given_are_looked_at(random_numbers: np.random.Generator)
     np.testing.assert_array_equal(history.accumulation[..., COUNT] == 0.0, inside)
 
 
+def test_clearing_leaves_nothing_of_what_was_written_without_a_list() -> None:
+    history = PixelHistory.of(40, 25, detects_change=False)
+    for i, j in ((0, 0), (15, 31), (24, 39)):  # the last tiles are cut
+        history.accumulation[i, j], history.accumulating[i // 16, j // 16] = 1.0, True
+    history.begun[0] = len(history.begun)
+    history.clear_accumulation()
+    assert not history.accumulation.any()
+    assert not history.accumulating.any()
+
+
 @pytest.mark.parametrize("share", [0.05, 0.9], ids=["few", "many"])
 @pytest.mark.parametrize("times", [1, 2], ids=["once", "again"])
 def test_clearing_leaves_nothing_and_no_tile_marked(

@@ -101,18 +101,18 @@ def test_slots_stay_visible(width: float, density: float, least: float, compiled
 
 
 @pytest.mark.parametrize(
-    ("density", "behind", "least"),
+    ("density", "deeper_density", "least"),
     [(0.25, 1.0, 0.2), (0.5, 1.0, 0.45), (1.0, 1.0, 0.95), (4.0, 1.0, 0.92), (0.25, 0.25, 0.4), (0.5, 0.25, 0.7)],
 )
 def test_sparse_nearer_samples_cover_what_is_behind(
-    density: float, behind: float, least: float, compiled_only: None
+    density: float, deeper_density: float, least: float, compiled_only: None
 ) -> None:
     """A lone one covers a disc of radius 1/2: 0.2 and 0.39 of the area at 1/4 and 1/2 a pixel, without overlap.
 
     Where deeper ones are sparse too, the pixels between them that show nothing are no gaps.
     """
     rng = np.random.default_rng(3)
-    assert np.mean([covered(scattered(rng, density), scattered(rng, behind)).mean() for _ in range(20)]) > least
+    assert np.mean([covered(scattered(rng, density), scattered(rng, deeper_density)).mean() for _ in range(20)]) > least
 
 
 def test_nothing_hides_where_nothing_is_nearer(compiled_only: None) -> None:

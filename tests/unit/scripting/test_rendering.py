@@ -98,6 +98,7 @@ class TestLayers:
         ({"layers": ["Z"]}, "layers: 'Z' is no layer"),
         ({"layers": "depth"}, "layers = 'depth': is not a list"),
         ({"size": (0, 5)}, "size = (0, 5): is no size"),
+        ({"size": 480}, "size = 480: is no size"),
         ({"samples": 0}, "samples = 0: accepted: a whole number from 1 to 65536"),
         ({"seed": -1}, "seed = -1: accepted"),
         ({"at": -1.0}, "at = -1.0: accepted"),

@@ -70,16 +70,13 @@ def _numbers(text: str) -> tuple[int, ...]:
 def cores(ranks: int) -> Iterator[Finding]:
     """Cores of this machine, against ranks; 0: not known."""
     own, there = len(os.sched_getaffinity(0)), os.cpu_count() or 1
-    bound = under_mpi() and own < there  # each rank to some: together they may use all
-    there = there if bound else own
-    found = (
-        f"{there} that this process may use" if not bound else f"{there}; mpirun binds this process to {own} of them"
-    )
-    found += f", for {ranks} ranks" if ranks else ""
+    found = f"{own} that this process may use" + (f", for {ranks} ranks" if ranks else "")
+    if under_mpi() and own < there:
+        found += f", of {there}: mpirun may have bound it to some (--bind-to none)"
     mend = (
         "spread the ranks over several machines, or lower pixels, lights, refresh_hz (wall check says what to expect)"
     )
-    yield Finding(name="cores", state="ok" if there >= ranks else "warning", found=found, mend=mend)
+    yield Finding(name="cores", state="ok" if own >= ranks else "warning", found=found, mend=mend)
 
 
 def open_files(ranks: int) -> Iterator[Finding]:

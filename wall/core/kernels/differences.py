@@ -9,9 +9,9 @@ from wall.core.jit import inline_kernel, kernel
 
 @kernel
 def mark_differing(a, b, rows, columns, differs):
-    """Mark the tiles in which two images differ. Of a tile that does no more is read than its first row that does.
+    """Mark the tiles in which two images differ. Stops at a tile's first row that differs.
 
-    a, b : (h, n) uint8; rows, columns : int, of a tile, numbers
+    a, b : (h, n) uint8, of one shape; rows, columns : int, of a tile, numbers
     differs : (ceil(h / rows), ceil(n / columns)) bool, written
     """
     height, width = a.shape
@@ -26,7 +26,7 @@ def mark_differing(a, b, rows, columns, differs):
 
 @inline_kernel
 def same(a, b):
-    """Whether two rows (n,) uint8 are the same. To their end, for that is vector code."""
+    """Whether two rows (n,) uint8 are the same. No early exit, so that the loop is vector code."""
     different = np.uint8(0)
     for k in range(a.shape[0]):
         different |= a[k] ^ b[k]

@@ -193,6 +193,7 @@ class GpuReconstruction:
         self._passes.read_accumulation(self._history.accumulation)
         self._passes.read_resolved(self._resolved)
         self._history.accumulating[:] = True
+        self._history.begun[0] = len(self._history.begun)  # which pixels is not known
         self._device.check()
         come_to_rest(self.poses, self._history)
 

@@ -20,7 +20,8 @@ INFINITE = np.float32(np.inf)
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 STEEPEST = 16.0  # pixels in depth for one across, 86 degrees: what is deeper within 3x3 by a steeper slope is behind,
 FARTHEST = 0.05  # or by this share of its depth where pixels are large
-TOUCHING = 0.1  # of either: what is of another object goes on nowhere, but may touch
+NEAREST_BEHIND = 1e-4  # but by no less, since depths are float32
+TOUCHING = 0.1  # times that where the nearer one is of another object, which may touch but mostly does not go on
 COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
 AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # pixels: so do n whose mean lies within AMIDST + ALONE / n
 SLOT = np.float32(6.0)  # pixels of 3x3 that show nearer samples: with fewer, a pixel showing the deeper one is a gap,
@@ -42,7 +43,7 @@ class Behind(NamedTuple):
 
 def behind(pixel: float) -> Behind:
     """The ratios where a pixel's edge is `pixel` times its distance; see Pose.pixel."""
-    least = min(STEEPEST * pixel, FARTHEST)
+    least = max(min(STEEPEST * pixel, FARTHEST), NEAREST_BEHIND)
     return Behind(np.float32(1.0 + least), np.float32(1.0 + TOUCHING * least))
 
 
@@ -90,7 +91,7 @@ def bound_depths(nearest, ratio, moved, decay, silhouette, density, tiles, bound
     tiles : (rows, columns) bool, where bounds are wanted, and for pixels within REACH
     bounds : (3, h, w) float32, written.
         CONSERVATIVE_DEPTH: the least depth over 3x3 pixels times `ratio`: for samples of the object that their
-        pixel shows. DECAY, 1 / seconds: the tile's decay
+        pixel shows; those of others are tested sooner. DECAY, 1 / seconds: the tile's decay
         times weight / DENSE from SLOWEST to SHARPEST (1 where nothing was shown); where deeper surfaces show within
         these pixels `silhouette` more, times that if none of them moves. SHARPNESS: weight / DENSE from 1 to SHARPEST
     """

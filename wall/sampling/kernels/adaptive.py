@@ -20,9 +20,7 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 HOLE_DENSITY = np.float32(0.1)  # samples, weighted: a pixel with less is a hole
 HOLE = np.float32(0.005)  # squared display units: least squared error expected of a hole
 REJECTED = np.float32(0.02)  # squared display units: the same of a pixel whose whole history a sample contradicts
-BELIEVED = np.float32(
-    6.0
-)  # samples of a pixel at rest before its variance is believed: four of an edge may all be alike
+BELIEVED = np.float32(6.0)  # samples of a pixel at rest before its variance is believed: four may all be alike
 MOST = np.float32(16384.0)  # samples of a pixel at rest; a small bright lamp in its corner would take for ever
 FOUR = np.float32(4.0)
 DARKEST = np.float32(1.5e-3)  # light: below it display values grow no steeper, by 12.92 as those of sRGB

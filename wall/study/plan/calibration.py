@@ -227,6 +227,7 @@ def _render(plan: Plan, tracer_scene: TracerScene, rank: int, endpoint: str, pip
         Loop(renderer, ports, clock, tracers=cast(Any, timed), sources=[count]).run(lambda: os.getppid() == parent)
     except WallError as error:
         pipe.send(f"{error}; wanted: fewer renderers, or --rates FILE with costs of another machine")
+        ports.close()
         return
     beside = time.process_time() - began - sum(step[0] for step in timed.steps)
     pipe.send(Told(steps=timed.steps, turns=turns, seconds=clock.now() - since, beside_s=beside))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,7 +106,9 @@ def _measured(loaded: Loaded | None, say: Callable[[str], None]) -> files.Rates:
     cores = len(os.sched_getaffinity(0))
     share = cores * PIXELS_A_CORE / sum(panel.pixels[0] * panel.pixels[1] for panel in layout.wall.panels)
     if share < 1.0:  # renderers that never keep up would be measured at nothing but that
-        with suppress(ConfigError):  # a file that fits the panels as they are
+        try:
             layout = make_layout(with_share(loaded, share))
-            say(f"measuring with {share:.1%} of the pixels, which {cores} cores keep up with")
+            say(f"measuring with {share:.0%} of the pixels, about what {cores} cores are for")
+        except ConfigError as error:  # a file that fits the panels as they are
+            say(f"measuring all pixels, more than {cores} cores are for: {error}")
     return measure(make_plan(layout), say=say)

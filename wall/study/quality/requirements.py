@@ -25,15 +25,8 @@ from wall.study.quality.traffic import Rest, Traffic, at_rest, traffic
 EQUAL_ERROR = 40.0  # times faster that framed must be
 AT_REST_S = 2.0  # after everything stopped, an image is held against the progressive renderer's
 SCENES = ("orbit", "shadows", "light", "mirrors")  # of the project: what is required is required of these
-BESIDE_SCENES = (
-    "walk",
-    "telephoto",
-    "jerky",
-    "cuts",
-    "bounce",
-    "metal",
-    "lamps",
-)  # measured only if asked for; the last of paths
+# measured only if asked for; the last of paths
+BESIDE_SCENES = ("walk", "telephoto", "jerky", "cuts", "bounce", "metal", "lamps")
 RIVALS = (
     "taa_",
     "reduced_",
