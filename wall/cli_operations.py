@@ -1,4 +1,4 @@
-"""`wall top`, `wall join` and `wall doctor`: a run elsewhere, a part in it, and a machine before a run."""
+"""`wall top`, `wall join` and `wall doctor`: a look at a running wall, a part in it, and a machine before a run."""
 
 from __future__ import annotations
 

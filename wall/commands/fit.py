@@ -19,7 +19,7 @@ def fitted(loaded: Loaded, cores: int) -> tuple[Loaded, str]:
     panels = 0 if grid is None else grid.columns * grid.rows
     if grid is None or panels <= cores:
         return loaded, ""
-    across, down = fewer(grid.pixels, cores / panels)
+    across, down = _fewer(grid.pixels, cores / panels)
     said = (
         f"{cores} cores for {panels} panels: each has {across}x{down} pixels, not {grid.pixels[0]}x{grid.pixels[1]}; "
         "--config FILE runs a wall as it is"
@@ -27,17 +27,17 @@ def fitted(loaded: Loaded, cores: int) -> tuple[Loaded, str]:
     return with_share(loaded, cores / panels), said
 
 
-def fewer(pixels: tuple[int, int], share: float) -> tuple[int, int]:
+def _fewer(pixels: tuple[int, int], share: float) -> tuple[int, int]:
     """A panel's pixels across and down, of which a share is left, in about the same shape."""
     scale = math.sqrt(share)
-    across, down = (max(min(n, LEAST), STEP * round(scale * n / STEP)) for n in pixels)
+    across, down = (min(n, max(LEAST, STEP * round(scale * n / STEP))) for n in pixels)
     return across, down
 
 
 def with_share(loaded: Loaded, share: float) -> Loaded:
     """The same wall, each of its panels with a share of its pixels."""
     wall = loaded.config.wall
-    grid = wall.grid.model_copy(update={"pixels": fewer(wall.grid.pixels, share)}) if wall.grid is not None else None
-    panels = tuple(p.model_copy(update={"pixels": fewer(p.pixels, share)}) for p in wall.panels or ()) or None
+    grid = wall.grid.model_copy(update={"pixels": _fewer(wall.grid.pixels, share)}) if wall.grid is not None else None
+    panels = tuple(p.model_copy(update={"pixels": _fewer(p.pixels, share)}) for p in wall.panels or ()) or None
     smaller = wall.model_copy(update={"grid": grid, "panels": panels})
     return loaded.with_config(loaded.config.model_copy(update={"wall": smaller}))

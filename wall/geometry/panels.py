@@ -147,13 +147,11 @@ class Wall:
             return across, down
         area = sum(float(np.linalg.norm(np.cross(c[1] - c[0], c[2] - c[0]))) for c in corners)
         area -= sum(overlap.size[0] * overlap.size[1] for overlap in self.overlaps)
-        spans = sorted(
-            (float(min(h)), float(max(h))) for c in corners for h in [[*c[:, 1], c[1, 1] + c[2, 1] - c[0, 1]]]
-        )
+        heights = [[*c[:, 1], c[1, 1] + c[2, 1] - c[0, 1]] for c in corners]
         lit, top = 0.0, -math.inf
-        for low, high in spans:
+        for low, high in sorted((min(h), max(h)) for h in heights):
             lit, top = lit + max(0.0, high - max(low, top)), max(top, high)
-        return area / max(lit, 1e-9), top - spans[0][0]
+        return float(area / max(lit, 1e-9)), float(np.ptp(heights))
 
     @property
     def flat(self) -> bool:

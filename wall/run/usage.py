@@ -24,7 +24,7 @@ def usage() -> Usage:
     """What this process uses."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     peak = used.ru_maxrss * 1024  # Linux counts KiB
-    return Usage(memory=memory(), peak_memory=peak, cpu_seconds=used.ru_utime + used.ru_stime)
+    return Usage(memory=memory(), peak_memory=peak, cpu_seconds=_cpu_seconds(used))
 
 
 def nothing_used() -> Usage:
@@ -34,8 +34,11 @@ def nothing_used() -> Usage:
 
 def cpu_seconds() -> float:
     """CPU time of this process so far, all threads."""
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_utime + usage.ru_stime
+    return _cpu_seconds(resource.getrusage(resource.RUSAGE_SELF))
+
+
+def _cpu_seconds(used: resource.struct_rusage) -> float:
+    return used.ru_utime + used.ru_stime
 
 
 def memory() -> int:

@@ -169,11 +169,14 @@ class _Head:
             managing.join(PATIENCE_S)
             if not all(pipe.poll(PATIENCE_S) for pipe in pipes):
                 raise RunError(f"a renderer that was measured said nothing for {PATIENCE_S:.0f} s")
-            told: list[Told | str] = [pipe.recv() for pipe in pipes]
-            for one in told:
-                if isinstance(one, str):
-                    raise RunError(f"measuring costs: {one}")
-            return [one for one in told if isinstance(one, Told)]
+            return [_told(pipe.recv()) for pipe in pipes]
+
+
+def _told(answer: Told | str) -> Told:
+    """A renderer's answer. Raises RunError where it failed, with its words."""
+    if isinstance(answer, str):
+        raise RunError(f"measuring costs: {answer}")
+    return answer
 
 
 def _end(process: BaseProcess) -> None:
@@ -227,10 +230,9 @@ def _render(plan: Plan, tracer_scene: TracerScene, rank: int, endpoint: str, pip
         Loop(renderer, ports, clock, tracers=cast(Any, timed), sources=[count]).run(lambda: os.getppid() == parent)
     except WallError as error:
         pipe.send(f"{error}; wanted: fewer renderers, or --rates FILE with costs of another machine")
-        ports.close()
-        return
-    beside = time.process_time() - began - sum(step[0] for step in timed.steps)
-    pipe.send(Told(steps=timed.steps, turns=turns, seconds=clock.now() - since, beside_s=beside))
+    else:
+        beside = time.process_time() - began - sum(step[0] for step in timed.steps)
+        pipe.send(Told(steps=timed.steps, turns=turns, seconds=clock.now() - since, beside_s=beside))
     ports.close()
 
 
