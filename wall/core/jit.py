@@ -27,6 +27,7 @@ os.environ.setdefault("NUMBA_SLP_VECTORIZE", "1")  # four neighbours in an array
 
 import numba
 import numba.np.linalg
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.event import Event, Listener, register
 from numba.core.runtime.nrt import rtsys
 
@@ -34,6 +35,7 @@ from wall.core.garbage import collect_rarely
 
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+LONGEST_KERNEL_S = 5.0  # to compile
 
 # of all kernels; C calls none of them
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
@@ -53,6 +55,16 @@ def _leave_scipy_out() -> None:
 
 
 _leave_scipy_out()
+
+
+@atexit.register  # after numba's own, so that it comes before the finalizers, which Python registers with the first one
+def _wait_for_compiler() -> None:
+    """Let a thread that compiles finish its kernel, and begin no other, while the interpreter ends.
+
+    What it makes adds to Python's finalizers, which fail to go through them meanwhile.
+    """
+    global_compiler_lock._lock.acquire(timeout=LONGEST_KERNEL_S)  # whose own way to acquire it knows no limit
+
 
 _used: set[Path] = set()  # cache folders of this process
 _kernels: list[Any] = []  # of this process

@@ -6,6 +6,7 @@ import ast
 import gc
 import os
 import stat
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -137,3 +138,26 @@ def test_a_user_without_a_folder_to_write_to_has_a_cache_of_its_own(
     assert jit.cache_root().name != "wall-kernels-12345", "one that another user made is not used"
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
     assert jit.cache_root() == tmp_path / "mine" / "wall" / "kernels"
+
+
+def test_a_kernel_that_a_thread_compiles_is_finished_before_its_process_ends(tmp_path: Path) -> None:
+    source = tmp_path / "compiles.py"
+    source.write_text(
+        "import threading\n"
+        "import numba.core.event as event\n"
+        "from wall.core.jit import kernel\n"
+        "begun = threading.Event()\n"
+        "class Begun(event.Listener):\n"
+        "    def on_start(self, event): begun.set()\n"
+        "    def on_end(self, event): pass\n"
+        "event.register('numba:compile', Begun())\n"
+        "@kernel\n"
+        "def total(values):\n"
+        "    return sum([value * 2 for value in values])\n"
+        "threading.Thread(target=total, args=((1, 2),), daemon=True).start()\n"
+        "assert begun.wait(60)\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    ended = subprocess.run([sys.executable, source], env=environment, capture_output=True, text=True, timeout=120)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert list(tmp_path.rglob("*.total-*.nbc"))
