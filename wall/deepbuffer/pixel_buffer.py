@@ -84,10 +84,6 @@ class PixelBuffer:
         if self.changed is not None:
             self.changed[:] = True
 
-    def redo(self) -> None:
-        """Let all tiles count as changed."""
-        self._dirty[:] = True
-
     def take_dirty(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
         dirty = self._dirty.copy()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 MOST_BYTES = 15_000  # of a text in JSON, so that the message fits
+REFUSED = "refused: "  # how a note on an edit of a viewer begins
 LEVELS = ("info", "warning", "error")
 Level = Literal["info", "warning", "error"]
 

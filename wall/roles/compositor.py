@@ -17,7 +17,7 @@ from wall.core.errors import RemoteProtocolError
 from wall.display.base import ParameterState, Status, WallImage
 from wall.operators.overlay import Overlay
 from wall.packets.control import Assignment, Heartbeat, Hello, Membership, Selection, Statistics, Stop, WindowInput
-from wall.packets.notes import Note
+from wall.packets.notes import REFUSED, Note
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import Number, Sent, needed_from_others, shows_only, summed_number, target_ranks
 from wall.roles.editing import shown_parameters, states_of
@@ -46,6 +46,7 @@ from wall.roles.view import EARLY_APART_S, FollowedView
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
 RATE_SPAN_S = 1.0  # refreshes a second are an average over at least so long
 SHOWN_NOTES = 4  # on the page, the newest
+REFUSAL_SHOWN_S = 6.0
 BETWEEN_ARRIVALS_S = 0.004  # images of others are shown as they are due, but no more often than this
 LAST_S = 2.0  # at the end packets that are on their way are taken in for so long at most
 
@@ -80,7 +81,7 @@ class Compositor:
         self._states: tuple[tuple[float, Edits, float], tuple[ParameterState, ...]] | None = None
         self._handles: HandlesMaker | None = None  # of the object that is selected
         self._bookmarks: tuple[int, ...] = ()
-        self._notes: deque[str] = deque(maxlen=SHOWN_NOTES)
+        self._notes: deque[tuple[float, str]] = deque(maxlen=SHOWN_NOTES)  # when they came
         self._shown: dict[int, Event] = {}  # by view: the event of its newest image
         self._status: Status = AWAY_FROM_HEAD
         self._status_due = -math.inf
@@ -145,7 +146,7 @@ class Compositor:
             self._handles = HandlesMaker(self._plan, message.name) if message.name else None
             self._bookmarks = tuple(message.bookmarks)
         elif isinstance(message, Note):
-            self._notes.append(message.said.strip())
+            self._notes.append((now, message.said.strip()))
             self._status_due = now
         elif isinstance(message, Statistics):
             self.composition.say(asdict(message))
@@ -253,7 +254,8 @@ class Compositor:
         )  # fmt: skip
         ranks = range(self._plan.layout.size)
         totals = tuple(totals_of(self._beats.get(k), self._known.get(k), now) for k in ranks)
-        self._status = replace(status, totals=totals, refreshes=self.refreshes, notes=tuple(self._notes))
+        notes = [said for at, said in self._notes if now < at + REFUSAL_SHOWN_S or not said.startswith(REFUSED)]
+        self._status = replace(status, totals=totals, refreshes=self.refreshes, notes=tuple(dict.fromkeys(notes)))
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
         if self._overlays_elsewhere:

@@ -62,11 +62,15 @@ class PanelCompositor:
 
     def begin_with(self, before: PanelCompositor) -> None:
         """Show what another layer of the same pixels shows, until samples come."""
-        old = before.newest.buffer.records
-        radiance, times = old["shown"], old["time"]
-        if before.reprojects and before.reprojected.reconstruction is not None:
-            radiance, times = before.reprojected.reconstruction.radiance, before.reprojected.arrivals.times
-        self.newest.buffer.show_image(radiance, times)
+        before._show_in(self.newest)
+
+    def _show_in(self, other: PixelLayer) -> None:
+        """Show in another layer of the same pixels what this one shows."""
+        records, reconstruction = self.newest.buffer.records, self.reprojected.reconstruction
+        if self.reprojects and reconstruction is not None:
+            other.buffer.show_image(reconstruction.radiance, self.reprojected.arrivals.times)
+        else:
+            other.buffer.show_image(records["shown"], records["time"])
 
     def follow(self, event: Event) -> None:
         """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""
@@ -89,13 +93,18 @@ class PanelCompositor:
         self._edits = number
 
     def _compare(self) -> None:
-        """Begin or end a comparison, or compare with another; the samples of one that ends stay counted."""
+        """Begin or end a comparison, or compare with another; the samples of one that ends stay counted.
+
+        The second image begins as the first one looks.
+        """
         before = self.compared
         if self.compared is not None:
             self.counters.update(self.compared.buffer.counters)
             self.newest.buffer.samples_shown += self.compared.buffer.samples_shown
         shown = None if before is None else before.framelet
         self.compared = compared_layer(self.panel, shown) if self._routing.compare else None
+        if self.compared is not None:
+            self._show_in(self.compared)
 
     def _switch(self) -> None:
         """Change the part that is shown. What it showed stays until samples of the other sampler come."""

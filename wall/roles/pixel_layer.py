@@ -43,11 +43,9 @@ class PixelLayer:
 
 
 def compared_layer(panel: Panel, framelet: Framelet | None = None) -> PixelLayer:
-    """Make the layer of the second sampler of a comparison: opaque, black until samples come.
+    """Make the layer of the second sampler of a comparison: opaque, black until it is given an image.
 
     `framelet`: of the comparison before, which the graph's nodes go on to read.
     """
     framelet = framelet or blank_framelet(panel, frozenset({"colour"}), encoded=True, order=0)
-    made = PixelLayer(panel, framelet, compared=True)
-    made.buffer.redo()  # so that none of what it showed stays
-    return made
+    return PixelLayer(panel, framelet, compared=True)

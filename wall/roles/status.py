@@ -100,9 +100,12 @@ def status_of(
     """
     renderers = [beat for rank, beat in beats.items() if plan.layout.role(rank) == "renderer"]
     recent = list(latency.seconds)[-RECENT_LATENCIES:]
+    latency_ms = percentiles_ms(recent)
     layout, marks = plan.layout, math.isfinite(plan.layout.config.transport.marked_after_s)
     members = {rank: member for rank, member in members.items() if rank not in gone}
     living = {rank: beat for rank, beat in beats.items() if rank in members}
+    right_ms = 1000.0 * max((beat.right_s for beat in living.values()), default=0.0)  # where images are made,
+    right_ms = max(right_ms, latency_ms[0]) if right_ms else 0.0  # and no sooner than first samples are displayed
     return Status(
         seconds=seconds,
         paused=event.paused,
@@ -111,10 +114,10 @@ def status_of(
         compare=event.compare,
         compared_per_s=sum(beat.compared_per_s for beat in beats.values()),
         ranks=tuple(_rank_status(layout, k, beats.get(k), oldest, known=k in members) for k in range(layout.size)),
-        latency_ms=percentiles_ms(recent),
+        latency_ms=latency_ms,
         latencies_ms=tuple(1000.0 * s for s in recent),
         refreshes_per_s=refreshes_per_s,
-        right_ms=1000.0 * max((beat.right_s for beat in living.values()), default=0.0),
+        right_ms=right_ms,
         stale=stale_places(layout, gone) if marks else (),
         slow=why_slow(layout, living),
         samples_per_pixel=min((beat.samples_per_pixel for beat in renderers), default=0),

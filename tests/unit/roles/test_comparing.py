@@ -62,6 +62,18 @@ def test_each_sampler_makes_its_own_image(plan: Plan) -> None:
     assert second(panel).mean() == pytest.approx(0.0031308 * 12.92 * 255, abs=1)  # IEC 61966-2-1, the straight part
 
 
+def test_the_second_image_begins_as_the_first_one_looks(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), replace(first_event(plan, 0.0), sampler="adaptive")
+    panel.follow(event)
+    panel.insert(flat(0.5, event, adaptive=True))
+    refresh(panel, event)
+    both = replace(event, compare="frameless", camera_event=1)
+    panel.follow(both)
+    refresh(panel, both)
+    assert second(panel).min() > 0
+    np.testing.assert_array_equal(second(panel), rgb_of(panel))
+
+
 def test_after_the_end_late_samples_of_the_other_one_change_nothing(plan: Plan) -> None:
     panel, event = PanelCompositor(plan, 0), replace(first_event(plan, 0.0), compare="frameless", camera_event=1)
     panel.follow(event)

@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 from running import write_config
 
-from wall.commands.set import note_of
+from wall.commands.set import note_of as words_of
 from wall.config.loading import load
 from wall.core.data import MOST_SAMPLES, NO_EDITS, SAMPLE, Batch, Edits, Event, Rect
 from wall.core.errors import EditError
-from wall.packets.control import EditAnswer, EditRequest, WindowInput, parse_control, serialise
+from wall.packets.control import EditAnswer, EditRequest, Hello, WindowInput, parse_control, serialise
+from wall.packets.notes import Note, note_of
+from wall.roles.compositor import REFUSAL_SHOWN_S, Compositor
 from wall.roles.edit_history import REMEMBERED, EditHistory
 from wall.roles.editing import Editor, editable
-from wall.roles.instructions import Broadcast, Send
+from wall.roles.instructions import Broadcast, Send, Show
 from wall.roles.manager import Manager
-from wall.roles.plan import HEAD, Plan, make_layout, make_plan
+from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
 
 NUMBERS = itertools.count(1)  # of requests
 KEY, CLIENT = "secret", 1 << 32
@@ -120,8 +122,8 @@ def test_a_list_that_no_answer_has_room_for_is_cut_and_says_so(plan: Plan) -> No
     assert len(answer.parameters) + answer.left_out == len(editor.parameters)
     assert answer.parameters[0]["name"] == "exposure"
     assert answer.left_out > 5000
-    assert str(answer.left_out) in note_of(answer)
-    assert note_of(editor.answer(request(listed="sky.*"), 0.0)) == ""
+    assert str(answer.left_out) in words_of(answer)
+    assert words_of(editor.answer(request(listed="sky.*"), 0.0)) == ""
 
 
 @pytest.mark.parametrize("assignments", [["x"], [["x"]], [[1, 2]], [{"a": 1}], [["x", 1, 2]], [None]])
@@ -166,6 +168,23 @@ def test_a_refused_edit_publishes_nothing_and_a_page_s_is_counted(plan: Plan) ->
     page = WindowInput(rank=HEAD, commands=[{"kind": "set", "name": "sky.strength", "numbers": [-1]}])
     assert told(manager, page, 2e-4) == ([], [])
     assert manager.dropped()["refused_edit"] == 2
+
+
+def test_a_page_shows_for_a_while_why_an_edit_was_refused(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True, key=KEY)
+    list(manager.on_tick(0.0))
+    list(manager.on_message(WindowInput(rank=HEAD, commands=[{"kind": "undo"}]), 0.1))
+    (note,) = [
+        sent.message for sent in manager.on_tick(0.1) if isinstance(sent, Send) and isinstance(sent.message, Note)
+    ]
+    assert note.said == "refused: there is no edit to undo"
+
+    head = Compositor(plan, Hello(rank=HEAD, host="", endpoint="", incarnation=0), ready=lambda _: True)
+    for message in (first_event(plan, 0.0), note_of(2, "warning", "slow"), note):
+        list(head.on_message(message, 0.2))
+    for now, wanted in ((0.3, ("rank 2: slow", note.said)), (0.3 + REFUSAL_SHOWN_S, ("rank 2: slow",))):
+        shown = [each.status.notes for each in head.on_tick(now) if isinstance(each, Show)]
+        assert shown == [wanted]
 
 
 def batch(number: int) -> Batch:

@@ -32,6 +32,7 @@ export class Display {
   // After every new connection: the server forgets, and so does the page.
   build({ panels }) {
     this.#panels = panels;
+    $("displays").hidden = panels.every((panel) => panel.why_images);   // no choice
     if (this.name === "samples") this.choose("samples");
     else this.#show();
   }

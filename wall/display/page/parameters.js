@@ -60,6 +60,8 @@ export class Parameters {
       groups.get(title).append(row.element);
     }
     this.#groups.replaceChildren(...[...groups.values()].map((rows) => rows.parentElement));
+    const object = [...groups].find(([title]) => title.startsWith("Object "));   // that was just selected
+    if (object) this.#groups.scrollTop = object[1].parentElement.offsetTop - this.#groups.offsetTop;
   }
 
   // Hide the object that is selected, or show it again.

@@ -13,7 +13,7 @@ export class Wall {
   #element; #room; #controls; #layout = null; #frame = 0; #view = "single";
   #outlines = [];                 // { element, rect }
   #stale = [];                    // { element, place, rect }
-  #faces = [];                    // first and second: { element, panels: [{ rect, box, context }] }
+  #faces = [];                    // first and second: { element, panels: [{ rect, box, context }], missing: never drawn }
 
   // `controls` stand beneath the wall and keep their room.
   constructor(element, room, controls) {
@@ -53,7 +53,8 @@ export class Wall {
     const panel = this.#faces[second ? 1 : 0]?.panels[index];
     if (panel && tiles.length) drawTiles(panel, image, tiles);
     else panel?.context.drawImage(image, 0, 0, panel.rect.width, panel.rect.height);
-    if (panel && second) this.#faces[1].element.classList.remove("empty");
+    if (panel) this.#faces[second ? 1 : 0].missing.delete(panel);
+    if (second && this.#faces[1]?.missing.size === 0) this.#faces[1].element.classList.remove("empty");
     image.close();
   }
 
@@ -175,7 +176,7 @@ export class Wall {
     const element = document.createElement("div");
     element.className = this.#faces.length ? "face second empty" : "face";
     element.append(...panels.map((p) => p.box));
-    this.#faces.push({ element, panels });
+    this.#faces.push({ element, panels, missing: new Set(panels) });
     this.#element.prepend(...this.#faces.map((face) => face.element));
   }
 
