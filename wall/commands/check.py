@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterator, Sequence
 
 from rich.table import Table
@@ -11,20 +10,19 @@ from rich.table import Table
 from wall.commands.costs import costs_of, left_out, table_of
 from wall.commands.expectations import expected
 from wall.commands.fields import fields_of_packets, name_of
+from wall.commands.one_core import measured_core
 from wall.commands.terminal import si
 from wall.config.loading import Loaded
 from wall.config.views import ViewConfig
 from wall.geometry.panels import Panel, Wall
 from wall.reconstruction.choice import choose
 from wall.roles.edges import target_ranks
-from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan, why_not_at_renderer
-from wall.roles.worker import Worker, make_samplers
-from wall.run.clock import HeadClock
+from wall.roles.plan import Layout, Plan, check_files, make_layout, make_plan, why_not_at_renderer
+from wall.run.first_look import dark_views
 from wall.scene.build import Scene
 from wall.scene.sources import sources_of
 from wall.tracing.tracer_scene import make_tracer_scene
 
-MEASURED_S = 0.3  # seconds of tracing that the expected rate is measured in
 MOST_NAMES = 8  # of nodes in a line
 
 
@@ -53,7 +51,8 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
     )
     if not costs:
         yield from tracers(plan)
-    for note in (*layout.notes, *scene.notes):
+    tracer_scene = make_tracer_scene(scene)
+    for note in (*layout.notes, *scene.notes, *dark_views(plan, tracer_scene)):
         yield f"note: {note}"
     yield launch_line(layout, os.cpu_count() or 1)
     yield _ranks(layout)
@@ -63,13 +62,13 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
     yield from fields_of_packets(plan)
     if costs:
         yield from measured_features(plan)
-    rate, size = measured_rate(plan)
+    core = measured_core(plan, tracer_scene)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
-        f"one core of this machine, if it only traces, traces {si(rate).strip()} samples/s of rank "
-        f"{layout.renderers()[0]}'s region, {si(rate * size)}B/s ({size:.1f} bytes a sample)"
+        f"one core of this machine, if it only traces, traces {si(core.rate).strip()} samples/s of rank "
+        f"{layout.renderers()[0]}'s region, {si(core.rate * core.size)}B/s ({core.size:.1f} bytes a sample)"
     )
-    yield from expected(layout, rate, size, os.cpu_count() or 1)
+    yield from expected(layout, core, os.cpu_count() or 1)
 
 
 def _extent(plan: Plan) -> str:
@@ -226,22 +225,3 @@ def _overlapped(panel: Panel) -> str:
     sides = {side: wide for side, wide in panel.config.overlap.model_dump().items() if wide}
     fades = "" if panel.blend is None else ", blended"
     return ", ".join(f"{side} {wide:.3g}" for side, wide in sides.items()) + fades * bool(sides)
-
-
-def measured_rate(plan: Plan) -> tuple[float, float]:
-    """Measure one core of this machine on the first renderer's region: samples/s traced and encoded, bytes a sample."""
-    tracer_scene = make_tracer_scene(plan.scene)
-    rank = plan.layout.renderers()[0]
-    clock = HeadClock()
-    samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
-    worker = Worker(plan, tracer_scene, rank, clock, samplers, 0)
-    event = first_event(plan, 0.0, plan.layout.region(rank).view)
-    worker.step(event)  # which compiles its kernels, or loads them
-    before, began, size = worker.work.samples, time.perf_counter(), 0
-    while time.perf_counter() - began < MEASURED_S:
-        packet = worker.step(event)
-        size += len(packet or b"")
-        if packet is None:
-            worker.sampler.restart()
-    traced = worker.work.samples - before
-    return traced / (time.perf_counter() - began), size / max(traced, 1)

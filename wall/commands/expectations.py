@@ -5,34 +5,47 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from wall.commands.one_core import OneCore
 from wall.commands.terminal import si
 from wall.roles.plan import Layout, why_not_at_renderer
+from wall.roles.renderer_image import SHARE_OF_TIME
 
 LINK_BYTES_PER_S = 1.25e9  # of 10 Gbit/s
 FEW = 1.0  # samples a pixel and second: with less, even an image that nothing moves takes a second and more
 DISPLAY_BYTES = 3  # of a pixel on its way to be shown
 
 
-def expected(layout: Layout, rate: float, size: float, cores: int) -> Iterator[str]:
-    """Yield lines about the wall, the last ones notes of what is too much.
-
-    rate : samples/s that one core traces; size : bytes a sample; cores : of this machine
-    """
+def expected(layout: Layout, core: OneCore, cores: int) -> Iterator[str]:
+    """Yield lines about the wall, the last ones notes of what is too much. `cores`: of this machine."""
+    rate = core.rate
     threads = {rank: _threads(layout, rank) for rank in layout.renderers()}
     together, pixels = sum(threads.values()), sum(map(layout.area_of, layout.renderers()))
     here = rate * min(together, cores)
     fewer = f"; {si(here).strip()} samples/s, {_few(here / pixels)} a pixel, on the {cores} cores here"
     yield (
         f"expected of the wall at most: {si(rate * together).strip()} samples/s if each of {together} threads has a "
-        f"core like this one, {_few(rate * together / pixels)} a pixel and second{fewer * (together > cores)}; "
-        "images of what moves are made on the same cores, and leave half of it or less"
+        f"core like this one, {_few(rate * together / pixels)} a pixel and second{fewer * (together > cores)}"
     )
+    if core.refresh_s:
+        yield _in_motion(layout, core, together, cores)
     if rate * together / pixels < FEW:
         yield (
             f"note: all pixels are traced once in {pixels / (rate * together):.2g} s at best: fewer pixels, or more "
             "ranks on more machines (graph: {ranks_per_panel: 2})"
         )
-    yield from _into_compositors(layout, threads, rate * size)
+    yield from _into_compositors(layout, threads, rate * core.size)
+
+
+def _in_motion(layout: Layout, core: OneCore, together: int, cores: int) -> str:
+    """Images/s and samples/s while all of the picture moves, with a core for each thread and on those that are here."""
+    hz = layout.config.views[layout.region(layout.renderers()[0]).view].refresh_hz
+    busy, said = together + layout.graph.compositors, []  # what competes for cores
+    for share in dict.fromkeys((1.0, min(1.0, cores / busy))):
+        images = min(hz, SHARE_OF_TIME * share / core.refresh_s)
+        samples = core.rate * together * (share - images * core.refresh_s)
+        said.append(f"{images:.2g} of {hz:g} images/s and {si(samples).strip()} samples/s")
+    here = f"; {said[-1]} on the {cores} cores here" * (busy > cores)
+    return f"expected while everything moves: about {said[0]} if each thread has a core{here}"
 
 
 def _into_compositors(layout: Layout, threads: dict[int, int], rate: float) -> Iterator[str]:

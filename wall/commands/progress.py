@@ -32,7 +32,11 @@ def progress_bar(
     columns = TextColumn(title, markup=False), BarColumn(), counted, TimeElapsedColumn(), TextColumn("left")
     with Progress(*columns, TimeRemainingColumn(), console=errors, disable=not show) as bar:
         task = bar.add_task("starting", total=None)
-        yield lambda **values: bar.update(task, **values)
+        try:
+            yield lambda **values: bar.update(task, **values)
+        except BaseException:
+            bar.live.transient = True  # no half of a bar stays before the error
+            raise
 
 
 class StartProgress:

@@ -30,6 +30,7 @@ from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
 from wall.run.control_file import check_free
+from wall.run.first_look import dark_views
 from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
 from wall.run.hosts import Renumbered, assign
@@ -177,6 +178,8 @@ def prepare(layout: Layout, say: Callable[[str], None], *, headless: bool) -> tu
     say("building the ray tracing trees")
     tracer_scene = make_tracer_scene(plan.scene)
     warm_up(plan, tracer_scene, say, headless=headless)
+    for note in dark_views(plan, tracer_scene):
+        say(f"note: {note}")
     started()
     give_memory_back()
     return plan, tracer_scene

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from wall.config.scene import SceneConfig, Up
+from wall.core.errors import SceneError
 from wall.scene.animation import Moving
 from wall.scene.builtin.arcade import arcade
 from wall.scene.builtin.cornell import cornell
@@ -32,7 +34,7 @@ BUILT_IN = {
 
 def is_built_in(what: str | Path) -> bool:
     """Whether a built-in scene is meant; a file comes before one of the same name."""
-    return str(what) in BUILT_IN and not Path(what).exists()
+    return str(what) in BUILT_IN and not Path(what).is_file()
 
 
 def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
@@ -42,9 +44,13 @@ def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
 
 
 def make_source(name: str, base_folder: Path, up: Up = "auto") -> Source:
-    """A built-in scene by its name, or a model file; `up`: see SceneConfig."""
+    """A built-in scene by its name, or a model file; `up`: see SceneConfig. Raises SceneError."""
     if name in BUILT_IN:
         return BUILT_IN[name]()
+    if not Path(name).suffix:
+        near = get_close_matches(name, BUILT_IN, n=1)
+        meant = f"did you mean {near[0]}? " if near else ""
+        raise SceneError(f"{name}: no built-in scene, and no model file; {meant}built in are {', '.join(BUILT_IN)}")
     from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
 
     return load(base_folder / name, up)

@@ -29,6 +29,7 @@ class Scene:
 
     Models and built-in scenes get the wall of `wall run MODEL`: 2 x 2 panels of 480 x 270 pixels. Each method checks
     everything that was said so far; it raises ConfigError, as a file with these values would, and then changes nothing.
+    Names in models, and patterns that are to match them, are checked once models are loaded: by `objects` or a render.
     """
 
     def __init__(self, source: str | Path, *, up: str | None = None) -> None:

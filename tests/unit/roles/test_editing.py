@@ -170,6 +170,11 @@ def test_a_refused_edit_publishes_nothing_and_a_page_s_is_counted(plan: Plan) ->
     assert manager.dropped()["refused_edit"] == 2
 
 
+def test_a_pattern_is_refused_with_the_way_to_what_it_matches(plan: Plan) -> None:
+    with pytest.raises(EditError, match=r"objects\.\*\.offset: a pattern; wanted: one parameter's name"):
+        Editor(plan).set([("objects.*.offset", [0, 1, 0])])
+
+
 def test_a_page_shows_for_a_while_why_an_edit_was_refused(plan: Plan) -> None:
     manager = Manager(plan, 0.0, still=True, key=KEY)
     list(manager.on_tick(0.0))

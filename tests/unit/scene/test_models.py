@@ -332,7 +332,7 @@ def test_glb_that_refers_to_a_missing_mesh_is_a_scene_error(tmp_path: Path) -> N
     ("name", "content", "told"),
     [
         ("gone.obj", None, "no such file"),
-        ("courtyrad", None, "known are .glb, .gltf, .obj, .ply, .stl"),
+        ("courtyrad", None, "did you mean courtyard? built in are arcade, cornell"),
         ("scene.blend", b"x", "known are .glb"),
         ("empty.obj", b"", "empty.obj"),
         ("empty.ply", b"", "empty.ply"),

@@ -46,6 +46,12 @@ def test_what_is_neither_file_nor_scene_is_refused_with_what_there_is() -> None:
         wall.Scene("courtyart")
 
 
+def test_a_folder_hides_no_built_in_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cornell").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert wall.Scene("cornell").loaded.config.scene.source == "cornell"
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
