@@ -177,10 +177,12 @@ def load(
     """
     from time import monotonic
 
+    from rich.text import Text
+
     from wall.client import connect
 
     began = monotonic()
-    with connect(out) as run:
+    with connect(out) as run, errors.status(Text(f"every rank prepares {config}, and goes on meanwhile")):
         edit = run.load(config)
     console.print(f"{config}: adopted after {monotonic() - began:.1f} s, by edit {edit}")
 

@@ -111,7 +111,7 @@ def show_summary(summary: dict[str, Any], out: Path) -> None:
     console.print(
         f"traced {si(summary['samples_traced'])} samples, shown {si(summary['samples_shown'])}; "
         f"{si(summary['packets'])} packets, {si(summary['bytes'])}B; "
-        + (f"change to picture {p50:.1f} ms median, {p95:.1f} p95, {p99:.1f} p99" if p99 else "nothing changed")
+        + (f"change to picture {p50:.1f} ms median, {p95:.1f} p95, {p99:.1f} p99" if p99 else "no change was timed")
     )
     if summary["dropped"]:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))
