@@ -26,7 +26,7 @@ def expected(layout: Layout, core: OneCore, cores: int) -> Iterator[str]:
         f"expected of the wall at most: {si(rate * together).strip()} samples/s if each of {together} threads has a "
         f"core like this one, {_few(rate * together / pixels)} a pixel and second{fewer * (together > cores)}"
     )
-    if core.refresh_s:
+    if core.refresh_s and not why_not_at_renderer(layout, layout.layer(layout.region(layout.renderers()[0]))):
         yield _in_motion(layout, core, together, cores)
     if rate * together / pixels < FEW:
         yield (

@@ -44,10 +44,12 @@ def measured_core(plan: Plan, tracer_scene: TracerScene) -> OneCore:
             worker.sampler.restart()
     traced = worker.work.samples - before
     rate = traced / (time.perf_counter() - began)
-    return OneCore(rate=rate, size=size / max(traced, 1), refresh_s=_refresh_s(plan, region, worker.sampler, event))
+    return OneCore(
+        rate=rate, size=size / max(traced, 1), refresh_s=_refresh_s(plan, region, worker.sampler, event, clock)
+    )
 
 
-def _refresh_s(plan: Plan, region: Region, sampler: Sampler, event: Event) -> float:
+def _refresh_s(plan: Plan, region: Region, sampler: Sampler, event: Event, clock: HeadClock) -> float:
     """CPU seconds of a refresh of the adaptive sampler's image while the camera slides; 0 of other samplers."""
     if not isinstance(sampler, AdaptiveRenderer):
         return 0.0
@@ -58,6 +60,6 @@ def _refresh_s(plan: Plan, region: Region, sampler: Sampler, event: Event) -> fl
         camera = replace(event.camera, position=(x + 1e-3 * plan.scene.radius * number, y, z))
         moved = replace(event, camera_event=event.camera_event + number, camera=camera)
         began = time.thread_time()
-        sampler.reconstruction.refresh(panel_view(moved), float(number))
+        sampler.reconstruction.refresh(panel_view(moved), clock.now())
         took.append(time.thread_time() - began)
     return median(took)
