@@ -182,7 +182,7 @@ def load(
     from wall.client import connect
 
     began = monotonic()
-    with connect(out) as run, errors.status(Text(f"every rank prepares {config}, and goes on meanwhile")):
+    with connect(out) as run, errors.status(Text(f"the wall goes on while every rank prepares {config}")):
         edit = run.load(config)
     console.print(f"{config}: adopted after {monotonic() - began:.1f} s, by edit {edit}")
 

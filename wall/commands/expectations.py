@@ -43,7 +43,7 @@ def _in_motion(layout: Layout, core: OneCore, together: int, cores: int) -> str:
     for share in dict.fromkeys((1.0, min(1.0, cores / busy))):
         images = min(hz, SHARE_OF_TIME * share / core.refresh_s)
         samples = core.rate * together * (share - images * core.refresh_s)
-        said.append(f"{images:.2g} of {hz:g} images/s and {si(samples).strip()} samples/s")
+        said.append(f"{_few(images)} of {hz:g} images/s and {si(samples).strip()} samples/s")
     here = f"; {said[-1]} on the {cores} cores here" * (busy > cores)
     return f"expected while everything moves: about {said[0]} if each thread has a core{here}"
 

@@ -35,7 +35,7 @@ from wall.core.garbage import collect_rarely
 
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
-LONGEST_KERNEL_S = 5.0  # to compile
+LONGEST_WAIT_S = 5.0  # for a thread that compiles, at the end of a process
 
 # of all kernels; C calls none of them
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
@@ -57,13 +57,13 @@ def _leave_scipy_out() -> None:
 _leave_scipy_out()
 
 
-@atexit.register  # after numba's own, so that it comes before the finalizers, which Python registers with the first one
+@atexit.register  # the newest comes first: numba has made the first finalizer by now, so this comes before all of them
 def _wait_for_compiler() -> None:
     """Let a thread that compiles finish its kernel, and begin no other, while the interpreter ends.
 
     What it makes adds to Python's finalizers, which fail to go through them meanwhile.
     """
-    global_compiler_lock._lock.acquire(timeout=LONGEST_KERNEL_S)  # whose own way to acquire it knows no limit
+    global_compiler_lock._lock.acquire(timeout=LONGEST_WAIT_S)  # whose own way to acquire it knows no limit
 
 
 _used: set[Path] = set()  # cache folders of this process

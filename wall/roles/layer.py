@@ -62,12 +62,12 @@ class PanelCompositor:
 
     def begin_with(self, before: PanelCompositor) -> None:
         """Show what another layer of the same pixels shows, until samples come."""
-        before._show_in(self.newest)
+        before._show_in(self.newest, before.reprojects)
 
-    def _show_in(self, other: PixelLayer) -> None:
+    def _show_in(self, other: PixelLayer, reprojects: bool) -> None:
         """Show in another layer of the same pixels what this one shows."""
         records, reconstruction = self.newest.buffer.records, self.reprojected.reconstruction
-        if self.reprojects and reconstruction is not None:
+        if reprojects and reconstruction is not None:
             other.buffer.show_image(reconstruction.radiance, self.reprojected.arrivals.times)
         else:
             other.buffer.show_image(records["shown"], records["time"])
@@ -75,11 +75,11 @@ class PanelCompositor:
     def follow(self, event: Event) -> None:
         """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""
         self._note_edits(event.edits.number)
-        was_reprojected, compare = self._routing.reprojected, self._routing.compare
+        was_reprojected, compare, reprojects = self._routing.reprojected, self._routing.compare, self.reprojects
         self._routing.follow(event)
         self.right.follow(event)
         if self._routing.compare != compare:
-            self._compare()
+            self._compare(reprojects)
         if self._routing.reprojected != was_reprojected:
             self._switch()
         for batch in self._routing.take_early():
@@ -92,10 +92,10 @@ class PanelCompositor:
             self._awaits = None if self.reprojects else number
         self._edits = number
 
-    def _compare(self) -> None:
+    def _compare(self, reprojects: bool) -> None:
         """Begin or end a comparison, or compare with another; the samples of one that ends stay counted.
 
-        The second image begins as the first one looks.
+        The second image begins as the first one looks; `reprojects`: whether that showed reprojected samples.
         """
         before = self.compared
         if self.compared is not None:
@@ -104,7 +104,7 @@ class PanelCompositor:
         shown = None if before is None else before.framelet
         self.compared = compared_layer(self.panel, shown) if self._routing.compare else None
         if self.compared is not None:
-            self._show_in(self.compared)
+            self._show_in(self.compared, reprojects)
 
     def _switch(self) -> None:
         """Change the part that is shown. What it showed stays until samples of the other sampler come."""

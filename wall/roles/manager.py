@@ -18,7 +18,7 @@ from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import OF_ONE_VIEW, Command, parse
 from wall.packets.control import EditRequest, Heartbeat, Hello, Prepared, Selection, Statistics, Stop, WindowInput
 from wall.packets.joining import JoinRequest, Leave
-from wall.packets.notes import REFUSED, Note
+from wall.packets.notes import REFUSED, Note, note_of
 from wall.roles.balance import Balancer
 from wall.roles.director import Director
 from wall.roles.edges import summed_number
@@ -246,7 +246,7 @@ class Manager:
                 self.counters["bad_command"] += 1
             except EditError as error:
                 self.counters["refused_edit"] += 1
-                self._reloading.said = f"{REFUSED}{error}"
+                self.register.news.append(note_of(HEAD, "warning", f"{REFUSED}{error}"))
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Publish events, notice lost ranks, end the run in its steps."""

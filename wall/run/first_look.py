@@ -22,10 +22,11 @@ def dark_views(plan: Plan, tracer_scene: TracerScene) -> list[str]:
     notes = []
     for k, view in enumerate(plan.views):
         event = first_event(plan, 0.0, k)
-        panels = [panel for panel in plan.layout.wall.traced if panel.view == k][:MOST_PANELS]
+        panels = [panel for panel in plan.layout.wall.traced if panel.view == k]
+        panels = panels[:: -(-len(panels) // MOST_PANELS) or 1]  # evenly
         if panels and not _finds_light(plan, tracer_scene, panels, event):
             notes.append(
-                f"view {view.id} begins black: nothing that it shows is lit. Its camera may be outside of a room, or "
+                f"view {view.id} begins black, as far as a few samples tell. Its camera may be outside of a room, or "
                 "inside an object (views: camera: position and target), or the scene has no light (scene: lights, sky)"
             )
     return notes

@@ -219,7 +219,9 @@ def named(parameters: Mapping[str, Parameter], name: str) -> Parameter:
     if (found := parameters.get(name)) is not None:
         return found
     if "*" in name or "?" in name:
-        raise EditError(f"{_shown(name)}: a pattern; wanted: one parameter's name, of those that --list {name!r} shows")
+        raise EditError(
+            f"{_shown(name)}: a pattern; wanted: one parameter's name; wall set --list 'x*' shows those with x"
+        )
     head = name.split(".")[0]
     own = [path for path in parameters if path.split(".")[0] == head]
     near = get_close_matches(name, own or parameters, n=1)

@@ -18,6 +18,7 @@ version: 1
 scene: {{source: courtyard}}
 wall: {{grid: {{columns: 4, rows: 2, pixels: [{pixels}], size: [0.9, 0.5]}}}}
 views: [{{camera: auto, refresh_hz: 30}}]
+reconstruction: cpu
 graph: {{preset: sort-first, compositors: {compositors}}}
 """
 CORE = OneCore(rate=500_000.0, size=4.0)

@@ -145,7 +145,9 @@ def test_a_kernel_that_a_thread_compiles_is_finished_before_its_process_ends(tmp
     source.write_text(
         "import threading\n"
         "import numba.core.event as event\n"
-        "from wall.core.jit import kernel\n"
+        "from wall.core import jit\n"
+        "jit.LONGEST_WAIT_S = 60.0\n"
+        "kernel = jit.kernel\n"
         "begun = threading.Event()\n"
         "class Begun(event.Listener):\n"
         "    def on_start(self, event): begun.set()\n"

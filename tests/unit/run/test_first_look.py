@@ -25,4 +25,4 @@ views: [{{id: room, camera: {camera}}}]
 def test_a_camera_outside_of_a_closed_room_is_noted(camera: str, dark: bool) -> None:
     plan = make_plan(make_layout(loads(TEXT.format(camera=camera))))
     notes = dark_views(plan, make_tracer_scene(plan.scene))
-    assert [note[:24] for note in notes] == ["view room begins black: "] * dark
+    assert [note[:24] for note in notes] == ["view room begins black, "] * dark
