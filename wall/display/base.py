@@ -139,7 +139,7 @@ class Status:
     latency_ms: tuple[float, float, float]  # p50, p95, p99, input to changed image; 0: no input
     latencies_ms: tuple[float, ...]  # the recent ones, newest last, for the plot
     refreshes_per_s: float  # that changed something
-    right_ms: float = 0.0  # input to images that are right in 90 % of their pixels, of the slowest rank; 0: not known
+    right_ms: float = 0.0  # input to images right in 90 % of their pixels, of the slowest rank; p50 or more; 0: unknown
     stale: tuple[tuple[float, float, float, float], ...] = ()  # x, y, width, height in virtual screen pixels of what
     # gets nothing new, since the ranks that make it are not heard of
     slow: str = ""  # why the wall is slower than wanted, and what to lower; "" if it is not
