@@ -27,7 +27,7 @@ sampling: {method: frameless, samples_per_batch: 512}
 graph: {preset: sort-first, sinks: [browser, png]}
 """
 WITH_SAMPLES = "output: {browser: {samples: true}}\n"
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 PIXELS = """(c) => { const copy = new OffscreenCanvas(c.width, c.height), context = copy.getContext('2d');
   context.drawImage(c, 0, 0); return [...context.getImageData(0, 0, c.width, c.height).data]; }"""
 
