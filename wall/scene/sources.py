@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 
+from wall.config.loading import nearest
 from wall.config.scene import SceneConfig, Up
 from wall.core.errors import SceneError
 from wall.scene.animation import Moving
@@ -48,9 +48,8 @@ def make_source(name: str, base_folder: Path, up: Up = "auto") -> Source:
     if name in BUILT_IN:
         return BUILT_IN[name]()
     if not Path(name).suffix:
-        near = get_close_matches(name, BUILT_IN, n=1)
-        meant = f"did you mean {near[0]}? " if near else ""
-        raise SceneError(f"{name}: no built-in scene, and no model file; {meant}built in are {', '.join(BUILT_IN)}")
+        near = nearest(name, BUILT_IN) or ";"
+        raise SceneError(f"{name}: no built-in scene, and no model file{near} built in are {', '.join(BUILT_IN)}")
     from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
 
     return load(base_folder / name, up)

@@ -60,8 +60,7 @@ export class Parameters {
       groups.get(title).append(row.element);
     }
     this.#groups.replaceChildren(...[...groups.values()].map((rows) => rows.parentElement));
-    const object = [...groups].find(([title]) => title.startsWith("Object "));   // that was just selected
-    if (object) this.#groups.scrollTop = object[1].parentElement.offsetTop - this.#groups.offsetTop;
+    if (parameters[0]?.name.startsWith("objects.")) this.#groups.scrollTop = 0;   // just selected: its own come first
   }
 
   // Hide the object that is selected, or show it again.

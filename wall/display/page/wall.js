@@ -13,7 +13,7 @@ export class Wall {
   #element; #room; #controls; #layout = null; #frame = 0; #view = "single";
   #outlines = [];                 // { element, rect }
   #stale = [];                    // { element, place, rect }
-  #faces = [];                    // first and second: { element, panels: [{ rect, box, context }], missing: never drawn }
+  #faces = [];                    // first and second: { element, panels: [{ rect, box, context }], missing: panels not drawn yet }
 
   // `controls` stand beneath the wall and keep their room.
   constructor(element, room, controls) {
@@ -53,9 +53,14 @@ export class Wall {
     const panel = this.#faces[second ? 1 : 0]?.panels[index];
     if (panel && tiles.length) drawTiles(panel, image, tiles);
     else panel?.context.drawImage(image, 0, 0, panel.rect.width, panel.rect.height);
-    if (panel) this.#faces[second ? 1 : 0].missing.delete(panel);
-    if (second && this.#faces[1]?.missing.size === 0) this.#faces[1].element.classList.remove("empty");
+    if (panel && second) this.#drawn(this.#faces[1], panel);
     image.close();
+  }
+
+  // A face is empty until all of its panels were drawn.
+  #drawn(face, panel) {
+    face.missing.delete(panel);
+    if (!face.missing.size) face.element.classList.remove("empty");
   }
 
   // What a panel's first image is drawn with; undefined before there is one.
