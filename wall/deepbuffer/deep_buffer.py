@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Samples
+from wall.core.threads import Threads
 from wall.deepbuffer.kernels import accumulation as kernels_accumulation
 from wall.deepbuffer.kernels import change as kernels_change
 from wall.deepbuffer.kernels import cuts as kernels_cuts
@@ -24,6 +25,7 @@ from wall.deepbuffer.kernels.columns import BEFORE
 from wall.deepbuffer.kernels.doubt import FRESH
 from wall.deepbuffer.kernels.evict import AGES, evict, oldest_kept
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import BLOCK
 from wall.deepbuffer.pose import Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
@@ -51,13 +53,15 @@ class DeepBuffer:
         change_test: bool = True,
         noisy: bool = False,
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
+        threads: Threads | None = None,
     ) -> None:
         """`objects` of the scene. `detects_change`: samples bring their irradiance, and what they contradict is found.
 
         `noisy`: they bring albedo and normal, so that noise can be filtered.
 
-        Without `change_test` no sample contradicts anything.
+        Without `change_test` no sample contradicts anything. `threads` share what is done to all samples.
         """
+        self._threads = threads or Threads()
         width, height = poses.rect.width, poses.rect.height
         self.poses, self.detects_change = poses, detects_change
         self._change_test, self._samples_per_pixel = change_test, samples_per_pixel
@@ -67,8 +71,7 @@ class DeepBuffer:
         self.store = SampleStore.of(capacity, lit=poses.lit, noisy=noisy)
         self._spare = SampleStore.of(capacity, lit=poses.lit, noisy=noisy)  # what sorting writes to
         self.history = PixelHistory.of(width, height, detects_change=detects_change, noisy=noisy)
-        self._tile_starts = np.zeros(self.history.dirty.size + 1, np.int64)
-        self._object_starts = np.zeros(objects + 2, np.int64)
+        self._objects = objects
         self._ages = np.zeros(AGES, np.int32)
         self._indices = np.zeros(capacity, np.uint32)  # where the samples of a part came from
         self.count = 0
@@ -148,7 +151,11 @@ class DeepBuffer:
         if rows is not None:
             kernels_rows.reproject_rows(self.store, self.count, table, rows, moved, *size)
         else:
-            kernels_reproject.reproject(self.store, self.count, table, moved, *size)
+            self._threads.share(
+                self.count,
+                lambda first, last: kernels_reproject.reproject(self.store, first, last, table, moved, *size),
+                unit=BLOCK,
+            )
         if not everything:  # where they have come to
             kernels_accumulation.mark_changed(self.store, self.count, moved, tiles, history.accumulation[:0])
 
@@ -175,7 +182,8 @@ class DeepBuffer:
     def evict(self, now: np.float32) -> None:
         """Reject the oldest samples, so that no more than the wanted number stay."""
         if self.count > self._kept:
-            evict(self.store, self.count, oldest_kept(self.store, self.count, now, self._kept, self._ages))
+            cutoff = oldest_kept(self.store, self.count, now, self._kept, self._ages)
+            self._threads.share(self.count, lambda first, last: evict(self.store, first, last, cutoff))
 
     @property
     def sort_is_due(self) -> bool:
@@ -187,8 +195,8 @@ class DeepBuffer:
         if due := self.sort_is_due:
             self._sorts += 1
             if self._sorts % BY_TILE_EVERY == 1:
-                self._sort_by(self._tile_starts, by_tile=True)
-            self._sort_by(self._object_starts, by_tile=False)
+                self._sort_by(self.history.dirty.size, by_tile=True)
+            self._sort_by(self._objects + 1, by_tile=False)
         self._schedule.end_refresh(self.count, tidied=due)
 
     def clear(self) -> None:
@@ -213,7 +221,7 @@ class DeepBuffer:
     @property
     def bytes(self) -> int:
         """Memory of all its arrays."""
-        own: list[NDArray[Any]] = [self._tile_starts, self._object_starts, self._ages, self._indices]
+        own: list[NDArray[Any]] = [self._ages, self._indices]
         for arrays in (self.store, self._spare, self.history):
             own += arrays
         return sum(array.nbytes for array in own)
@@ -226,14 +234,31 @@ class DeepBuffer:
         kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
         kernels_change.reject_contradicted(store, 0, history)
         self.give_back(self.part(history.dirty)[1])
-        evict(store, 0, oldest_kept(store, 0, now, self._kept, self._ages))
+        evict(store, 0, 0, oldest_kept(store, 0, now, self._kept, self._ages))
         kernels_doubt.doubt(store, 0, 0, none, False)
         if self.poses.cuts.used:
             kernels_cuts.reject_cut_away(store, 0, np.zeros((objects + 1, 0, 4), np.float32))
 
-    def _sort_by(self, starts: NDArray[np.int64], *, by_tile: bool) -> None:
+    def _sort_by(self, keys: int, *, by_tile: bool) -> None:
+        """Sort by tile or object, of which there are so many; a sample is copied to a place that is known before."""
         columns = self.history.dirty.shape[1]
-        self.count = kernels_sort.sort_store(self.store, self.count, by_tile, columns, starts, self._spare)
+
+        def count(first: int, last: int) -> tuple[int, NDArray[np.int64]]:
+            counts = np.zeros(keys, np.int64)
+            kernels_sort.count_keys(self.store, first, last, by_tile, columns, counts)
+            return first, counts
+
+        counted = self._threads.share(self.count, count)
+        counts = np.array([own for _, own in counted], np.int64).reshape(-1, keys)
+        ends = counts.T.cumsum().reshape(keys, -1).T  # within a key the samples of earlier ranges come first
+        starts = dict(zip((first for first, _ in counted), np.ascontiguousarray(ends - counts), strict=True))
+        self._threads.share(
+            self.count,
+            lambda first, last: kernels_sort.copy_sorted(
+                self.store, first, last, by_tile, columns, starts[first], self._spare
+            ),
+        )
+        self.count = int(counts.sum())
         self.store, self._spare = self._spare, self.store
 
     def _evict(self, n: int) -> None:

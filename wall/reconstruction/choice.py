@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
-from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
-from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import GpuError, device, gpu_nodes
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction, StoredSamples
@@ -45,6 +43,9 @@ class AnyReconstruction(Protocol):
 
     def take_dirty(self) -> NDArray[np.bool_]:
         """Returns the tiles that changed since the last call, as a mask, and resets them."""
+
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
+        """Redoes the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed by so many stops."""
 
     def stored(self) -> StoredSamples:
         """Returns the stored samples."""
@@ -82,9 +83,12 @@ def choose(wish: Wish) -> Choice:
 
 
 def make_reconstruction(
-    wish: Wish, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float
+    wish: Wish, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float, threads: int = 1
 ) -> tuple[AnyReconstruction, Choice]:
-    """Make a panel's reconstruction where the wish says. Raises GpuError if `gpu` is asked for and cannot do it."""
+    """Make a panel's reconstruction where the wish says; `threads` share it on the CPU.
+
+    Raises GpuError if `gpu` is asked for and cannot do it.
+    """
     choice = choose(wish)
     if choice.on == "gpu":
         try:
@@ -93,15 +97,5 @@ def make_reconstruction(
             if wish == "gpu":
                 raise
             choice = Choice(on="cpu", why=error.problem)
-    return Reconstruction(panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel), choice
-
-
-def display(image: AnyReconstruction, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
-    """Redo the dirty tiles of `rgb` (h, w, 3) uint8 from an image, exposed by so many stops.
-
-    Raises GpuError if its GPU is lost.
-    """
-    if isinstance(image, GpuReconstruction):
-        image.display(dirty, rgb, stops=stops)
-    else:
-        update_display(image.radiance, dirty, TILE, rgb, stops=stops)
+    made = Reconstruction(panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel, threads=threads)
+    return made, choice

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from wall.core.data import Float32
+from wall.core.threads import Threads
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.reconstruction.kernels import fill as kernels
+
+ALONE = Threads()
 
 
 class Pyramid:
@@ -22,19 +27,31 @@ class Pyramid:
         """Memory of all its arrays."""
         return self._holes.nbytes + sum(level.nbytes for level in self.levels)
 
-    def resolve(self, sums: Float32, resolved: Float32) -> None:
+    def resolve(self, sums: Float32, resolved: Float32, threads: Threads = ALONE) -> None:
         """Write means, and fill holes (push-pull).
 
         sums : (h + 2, w + 2, 4) float32, see kernels.splat; resolved : (h, w, 3) float32, written
+        threads : they share the rows
         """
-        holes = kernels.resolve_splats(sums, self.levels[0], resolved, self._holes)
-        for fine, coarse in pairwise(self.levels):
+        levels, (height, width) = self.levels, resolved.shape[:2]
+
+        def resolve(top: int, bottom: int) -> tuple[int, int]:
+            count = kernels.resolve_splats(sums, levels[0], resolved, self._holes, top, bottom)
+            return top * width, count
+
+        holes = threads.share(height, resolve, unit=TILE)
+        for fine, coarse in pairwise(levels):
             kernels.halve(fine, coarse)
-        filled = None
-        for level in reversed(self.levels):
-            kernels.expand(level, filled)
+        filled: Float32 | None = None
+        for level in reversed(levels):
+            threads.share(len(level), partial(kernels.expand, level, filled), unit=TILE)
             filled = level
-        kernels.fill_holes(sums, self.levels[0], self._holes, holes, resolved)
+
+        def fill(first: int, last: int) -> None:
+            for start, count in holes[first:last]:
+                kernels.fill_holes(sums, levels[0], self._holes[start:], count, resolved)
+
+        threads.share(len(holes), fill)
 
 
 def pyramid_sizes(height: int, width: int) -> list[tuple[int, int]]:

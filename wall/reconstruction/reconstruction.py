@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
+from wall.core.threads import Threads
 from wall.deepbuffer.deep_buffer import (
     SAMPLES_PER_PIXEL,
     DeepBuffer,
@@ -27,10 +28,13 @@ from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import BLOCK
 from wall.deepbuffer.pose import Pose, Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import SampleStore
 from wall.geometry.panels import Panel
+from wall.reconstruction.bands import Bands
+from wall.reconstruction.display_values import update_display
 from wall.reconstruction.kernels import splat as kernels_splat
 from wall.reconstruction.kernels import visibility as kernels_visibility
 from wall.reconstruction.kernels.relight import relight
@@ -89,15 +93,19 @@ class Reconstruction:
         rect: Rect | None = None,
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
         ingredients: Ingredients = ALL,
+        threads: int = 1,
     ) -> None:
-        """`rect` is the part of the panel that is shown, all if None. `detects_change`: see DeepBuffer."""
+        """`rect` is the part of the panel that is shown, all if None. `detects_change`: see DeepBuffer.
+
+        So many `threads` share a refresh; the image is the same, bit for bit.
+        """
         lit = ingredients.relighting and needs(scene).relighting
         noisy = ingredients.filtering and needs(scene).paths
         self.poses = PoseTracker(panel, eye, scene, rect, lit=lit, objects=ingredients.objects)
-        self.rect, self._with = self.poses.rect, ingredients
+        self.rect, self._with, self._threads = self.poses.rect, ingredients, Threads(threads)
         self.buffer = DeepBuffer(
             self.poses, len(scene.instances), detects_change=detects_change, change_test=ingredients.change_test,
-            samples_per_pixel=samples_per_pixel, noisy=noisy,
+            samples_per_pixel=samples_per_pixel, noisy=noisy, threads=self._threads,
         )  # fmt: skip
         width, height = self.rect.width, self.rect.height
         scanned = panel.scan is not None
@@ -109,6 +117,7 @@ class Reconstruction:
         self._bounds = np.ones((3, height, width), np.float32)
         self._untested = np.zeros(self.buffer.store.capacity, np.uint32)
         self._weight = np.zeros(self.buffer.store.capacity, np.float32)
+        self._bands = Bands(height, self.buffer.store.capacity, self._threads)
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
         self._part_sums = np.zeros_like(self.splat_sums)  # of the samples of some tiles
         self._pyramid = Pyramid(height, width)
@@ -117,6 +126,9 @@ class Reconstruction:
         self._shows_splats = False  # `radiance` shows them alone, `_resolved` is not up to date
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
         last = float(LONGEST_FILTERED if noisy else MEAN_ALONE)
+        self._bands.compile(
+            self.buffer.store, self.buffer.history.nearest, self.splat_sums, self.buffer.history.sqrt_irradiance
+        )
         self._schedule = RestSchedule(self.buffer.history.arrived, TILE * TILE, last=last)
         self.refreshes, self._moved_at = 0, 0.0
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
@@ -188,8 +200,8 @@ class Reconstruction:
     @property
     def bytes(self) -> int:
         """Memory of all its arrays; it never grows."""
-        own = vars(self).values()
-        more = sum(part.bytes for part in (self._pyramid, self._lighting, self.surfaces) if part is not None)
+        own, parts = vars(self).values(), (self._pyramid, self._bands, self._lighting, self.surfaces)
+        more = sum(part.bytes for part in parts if part is not None)
         return self.buffer.bytes + more + sum(array.nbytes for array in own if isinstance(array, np.ndarray))
 
     def describe_surfaces(self) -> None:
@@ -205,6 +217,15 @@ class Reconstruction:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
         return take_dirty(self.buffer.history)
 
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
+        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed by so many stops."""
+
+        def update(top: int, bottom: int) -> None:
+            rows = slice(top // TILE, -(-bottom // TILE))
+            update_display(self.radiance[top:bottom], dirty[rows], TILE, rgb[top:bottom], stops=stops)
+
+        self._threads.share(self.rect.height, update, unit=TILE)
+
     def stored(self) -> StoredSamples:
         """The samples of the image, for statistics and for channels of time."""
         buffer = self.buffer
@@ -219,10 +240,10 @@ class Reconstruction:
 
     def find_nearest(self) -> Float32:
         """(h, w, 4) each pixel's nearest sample, also among those that came since the last refresh."""
-        buffer = self.buffer
-        everywhere = np.ones_like(buffer.history.dirty)
-        kernels_visibility.find_nearest(buffer.store, buffer.count, buffer.history.nearest, everywhere)
-        return buffer.history.nearest
+        history = self.buffer.history
+        everywhere = np.ones_like(history.dirty)
+        self._bands.find_nearest(self.buffer.store, self.buffer.count, history.nearest, everywhere)
+        return history.nearest
 
     def block_weights(self) -> Float32:
         """(h / 4, w / 4) float32, rounded up: weight of the samples that show in each 4x4 pixels, a pixel's up to 1."""
@@ -271,7 +292,7 @@ class Reconstruction:
         """Resolve splat sums; at once to `radiance` if all of it is redone, and nothing is to be mixed in."""
         mixes = self._lighting is not None or bool(self.buffer.history.accumulating.any())
         self._shows_splats = everywhere and not mixes
-        self._pyramid.resolve(self.splat_sums, self.radiance if self._shows_splats else self._resolved)
+        self._pyramid.resolve(self.splat_sums, self.radiance if self._shows_splats else self._resolved, self._threads)
 
     def _splat(self, moved: NDArray[np.uint8], tiles: NDArray[np.bool_], now: np.float32) -> NDArray[np.bool_]:
         """Splat the samples of `tiles` (rows, columns) where they are: of all if that is much, or where some are empty.
@@ -288,14 +309,14 @@ class Reconstruction:
         if tiles.mean() > LARGEST_PART or not self._in_parts():
             tiles = np.ones_like(tiles)
         if tiles.all():
-            kernels_visibility.find_nearest(buffer.store, buffer.count, nearest, tiles)
+            self._bands.find_nearest(buffer.store, buffer.count, nearest, tiles)
             buffer.evict(now)
             self._splat_samples(buffer.store, buffer.count, tiles, moved, now, self.splat_sums)
         else:
             if buffer.sort_is_due:
                 buffer.evict(now)
             store, count = buffer.part(tiles)
-            kernels_visibility.find_nearest(store, count, nearest, tiles)
+            self._bands.find_nearest(store, count, nearest, tiles)
             self._splat_samples(store, count, tiles, moved, now, self._part_sums)
             buffer.give_back(count)
             kernels_splat.copy_tiles(self._part_sums, tiles, self.splat_sums)
@@ -312,23 +333,31 @@ class Reconstruction:
         history, ageing = self.buffer.history, np.float32(self._with.ageing)
         decay = np.float32(SLOW_DECAY) * ageing * (1.0 + DECAY_PER_GRADIENT * history.temporal_gradient)
         silhouette, ratios = kernels_visibility.SILHOUETTE_PER_S * ageing, kernels_visibility.behind(self.pose.pixel)
-        kernels_visibility.bound_depths(
-            history.nearest, ratios.own, moved, decay, silhouette, self.splat_sums, tiles, self._bounds
+        share = self._threads.share
+        share(
+            self.rect.height,
+            lambda top, bottom: kernels_visibility.bound_depths(
+                history.nearest, ratios.own, moved, decay, silhouette, self.splat_sums, tiles, self._bounds, top, bottom
+            ),
         )
         lighting = self._lighting
         filters = lighting is not None and (self.nothing_moves or lighting.is_due(now))
         if lighting is not None and filters and self._with.change_test:
             lighting.correct(store, count, now)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
-        kernels_visibility.weigh(
-            store, count, history.nearest, ratios, self._bounds, now, young, self._weight, self._untested
+        share(
+            count,
+            lambda first, last: kernels_visibility.weigh(
+                store, first, last, history.nearest, ratios, self._bounds, now, young, self._weight, self._untested
+            ),
+            unit=BLOCK,
         )
         if lighting is not None and filters:
             table, rows = self.pose.panel_from_object, self.poses.rows
             lighting.filter(store, count, self._weight, history, now, table, rows)
         elif lighting is not None:
             lighting.show_new(store, count, self._weight)
-        kernels_splat.splat(store, self._weight, count, self._bounds, tiles, sums, history.sqrt_irradiance)
+        self._bands.splat(store, self._weight, count, self._bounds, tiles, sums, history.sqrt_irradiance)
         if self.surfaces is not None:
             self.surfaces.splat(store, self._weight, count, tiles, self.pose.object_from_eye)
 
@@ -341,7 +370,11 @@ class Reconstruction:
         """Light stored samples anew where lights or objects moved. Returns (n + 1,) uint8, those objects."""
         relit, buffer = self.poses.relit(), self.buffer
         if relit.any():
-            relight(buffer.store, buffer.count, relit, self.pose.lights, self.pose.lights.sky)
+            self._threads.share(
+                buffer.count,
+                lambda first, last: relight(buffer.store, first, last, relit, self.pose.lights, self.pose.lights.sky),
+                unit=BLOCK,
+            )
         return relit
 
 

@@ -35,7 +35,7 @@ class SurfaceImages:
         """Sum up the samples of all tiles; see kernels.splat."""
         rows_of_surfaces(store, weight, count, object_from_eye, *self._rows)
         for rows, sums in zip(self._rows, self._sums, strict=True):
-            splat(store._replace(radiance=rows), weight, count, self._bounds, tiles, sums, NO_IRRADIANCE)
+            splat(store._replace(radiance=rows), weight, count, self._bounds, tiles, sums, NO_IRRADIANCE, None)
 
     def write(self, albedo: Float32, normal: Float32) -> None:
         """Write both images, (h, w, 3) float32; holes are filled."""

@@ -143,6 +143,7 @@ class Plan:
     number: int = 0  # of the configuration: how many the run was asked to adopt before
     since: int = 0  # its first camera event
     other_scenes: tuple[Scene | None, ...] = ()  # the scene as views after the first show it; None: as the first
+    cores: int = 1  # of its machine that each process of the run may keep busy
 
     def scene_of(self, view: int) -> Scene:
         """The scene as a view shows it: with that view's integrator and lens."""
@@ -167,8 +168,7 @@ def make_layout(loaded: Loaded) -> Layout:
     """Everything that can be refused before a scene is loaded. Raises ConfigError."""
     wall = with_views(loaded, wall_of(loaded))
     noticed, graph = check_wall(loaded, wall), build(loaded, wall)
-    notes = (*noticed, *notes_of_hosts(graph, wall))
-    wall = graph.with_panels_of_layers(wall)
+    wall, notes = graph.with_panels_of_layers(wall), (*noticed, *notes_of_hosts(graph, wall))
     strips = graph.strips(wall) if graph.balanced else None
     layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes, strips=strips)
     _check_asked_of_renderers(layout)

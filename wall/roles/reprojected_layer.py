@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +15,30 @@ from wall.deepbuffer.arrivals import Arrivals
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.geometry.cameras import PanelView
 from wall.reconstruction.channels import Coverage, show_reprojected
-from wall.reconstruction.choice import AnyReconstruction, Choice, Wish, choose, display, make_reconstruction
+from wall.reconstruction.choice import AnyReconstruction, Choice, Wish, choose, make_reconstruction
 from wall.reconstruction.gpu.device import GpuError
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan
 from wall.roles.statistics import statistics_image_of
 from wall.scene.needs import needs
+
+PIXELS_A_THREAD = 1 << 18  # of an image; with less threads gain little: docs/lab/speed.md
+
+
+def threads_of(plan: Plan, layer: Layer) -> int:
+    """How many threads share the making of a layer's image: as many as its process has cores for.
+
+    Of a small image a share takes less time than a thread needs to begin with it.
+    """
+    width, height = plan.layout.wall.traced[layer.traced].pixels
+    layers = len(plan.layout.graph.layers_on(layer.compositor))
+    return max(1, min(plan.cores // layers, width * height // PIXELS_A_THREAD))
+
+
+def _by_threads(choice: Choice, threads: int) -> Choice:
+    """The same choice, with how many threads share the work where several do."""
+    return replace(choice, why=f"{choice.why}; {threads} threads") if choice.on == "cpu" and threads > 1 else choice
 
 
 class ReprojectedLayer:
@@ -94,16 +112,21 @@ class ReprojectedLayer:
         scene = self._plan.scene_of(self._layer.view)
         eye, panel = self._panel_view.eye, self._panel
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
+        threads = threads_of(self._plan, self._layer)
         if self._layer.at_renderer:
             changes = needs(scene).change_detection
-            self.reconstruction = Reconstruction(panel, eye, scene, detects_change=changes, samples_per_pixel=kept)
-            self.choice = Choice(on="cpu", why="at its renderer")
+            self.reconstruction = Reconstruction(
+                panel, eye, scene, detects_change=changes, samples_per_pixel=kept, threads=threads
+            )
+            self.choice = _by_threads(Choice(on="cpu", why="at its renderer"), threads)
             return self.reconstruction
         if self._layer.transparent:
             self._coverage = Coverage(panel, eye, scene, samples_per_pixel=kept)
-        self.reconstruction, choice = make_reconstruction(self._wish, panel, eye, scene, samples_per_pixel=kept)
+        self.reconstruction, choice = make_reconstruction(
+            self._wish, panel, eye, scene, samples_per_pixel=kept, threads=threads
+        )
         why = Choice(on="cpu", why="the graph needs more of it than display bytes")
-        self.choice = choice if self._display_bytes_only else why
+        self.choice = _by_threads(choice if self._display_bytes_only else why, threads)
         if self._framelet.albedo is not None and isinstance(self.reconstruction, Reconstruction):
             self.reconstruction.describe_surfaces()
         return self.reconstruction
@@ -147,7 +170,7 @@ class ReprojectedLayer:
             framelet.stamp(now)
             show_reprojected(reconstruction, self._coverage, dirty, framelet, stops=stops)
         elif dirty.any():
-            display(reconstruction, dirty, framelet.colour, stops=stops)
+            reconstruction.display(dirty, framelet.colour, stops=stops)
         return dirty
 
     def statistics_image(self, now: float) -> StatisticsImage | None:

@@ -5,9 +5,11 @@ The same few lines run under mpirun and on a laptop; only where the ranks come f
 
 from __future__ import annotations
 
+import os
 import socket
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,7 +78,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         check_displays(window_panels(layout, range(layout.size)))
     machines = [""] * layout.size
     layout = reconstructed_at_renderers(layout, machines)
-    plan, tracer_scene = prepare(layout, say, headless=options.headless)
+    plan, tracer_scene = prepare(layout, say, headless=options.headless, processes=layout.size)
     if options.record is not None:
         begin_recording(options.record, plan)
 
@@ -129,8 +131,9 @@ def _run_launched(
     if not options.headless:
         check_displays(window_panels(layout, (bootstrap.rank,)))
     plan, tracer_scene = prepare(
-        layout, say if bootstrap.rank == HEAD else lambda line: None, headless=options.headless
-    )
+        layout, say if bootstrap.rank == HEAD else lambda line: None, headless=options.headless,
+        processes=machines.count(socket.gethostname()),
+    )  # fmt: skip
     if options.record is not None and bootstrap.rank == HEAD:
         begin_recording(options.record, plan)
     preparer = Preparer(plan, by_rank)
@@ -169,10 +172,15 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
     )
 
 
-def prepare(layout: Layout, say: Callable[[str], None], *, headless: bool) -> tuple[Plan, TracerScene]:
-    """Load the scene of a layout, and the kernels. Raises ConfigError."""
+def prepare(
+    layout: Layout, say: Callable[[str], None], *, headless: bool, processes: int = 0
+) -> tuple[Plan, TracerScene]:
+    """Load the scene of a layout, and the kernels. Raises ConfigError.
+
+    `processes` of the run on this machine share the cores that this one may use; 0: this one takes none but its own.
+    """
     say("loading the scene")
-    plan = make_plan(layout)
+    plan = replace(make_plan(layout), cores=max(len(os.sched_getaffinity(0)) // processes, 1) if processes else 1)
     for note in plan.scene.notes:
         say(f"note: {note}")
     say("building the ray tracing trees")

@@ -63,7 +63,7 @@ class Preparer:
             check_fits(self._plan.layout, layout)
             check_files(layout)
             layout = grown(reconstructed_at_renderers(layout, self.machines), self._plan.layout.extra)
-            plan = replace(make_plan(layout), number=wanted.number)
+            plan = replace(make_plan(layout), number=wanted.number, cores=self._plan.cores)
             scene = make_tracer_scene(plan.scene)
             warm_up(plan, scene, lambda line: None, beside=True)
         except WallError as error:

@@ -100,7 +100,7 @@ def test_a_camera_at_rest_leaves_the_bits_of_the_plain_projection(compiled_only:
     positions = points()
     first, everything = table(VIEW.event.camera), np.ones(2, np.uint8)
     plain = store_of(positions, 1)
-    reproject(plain, len(positions), first, everything, np.float32(SIZE[0]), np.float32(SIZE[1]))
+    reproject(plain, 0, len(positions), first, everything, np.float32(SIZE[0]), np.float32(SIZE[1]))
 
     found = shown(positions, np.zeros(6))
 

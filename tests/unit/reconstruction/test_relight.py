@@ -292,7 +292,7 @@ def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: Non
     store = SampleStore.of(n, lit=True)
     store.normal[:], store.light_visibility[:] = (u & 255) | ((v & 255) << 8), EVERY_LIGHT
     store.albedo[:], store.object_id[:] = 1.0, FLOOR
-    relight(store, n, np.ones(3, np.uint8), lights, sky)
+    relight(store, 0, n, np.ones(3, np.uint8), lights, sky)
     point = np.array(POINT.intensity) / np.pi / float((np.array(POINT.position) ** 2).sum())
     top = sky.max(axis=0) + np.array(DIRECTIONAL.irradiance) / np.pi + point
     assert (store.radiance[:, :3] >= sky.min(axis=0) * (1 - 1e-5)).all()

@@ -74,7 +74,7 @@ def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, com
     lights, every = ObjectLights(rows, PARALLEL, up), np.ones(OBJECTS, np.uint8)
 
     demodulate_all(samples, lights, Diffuse(every, sky), store)
-    relight(store, COUNT, every, lights, sky)
+    relight(store, 0, COUNT, every, lights, sky)
 
     albedo, colour = store.albedo, store.radiance
     known = albedo[0] >= 0

@@ -35,11 +35,12 @@ def covered(
     bounds, decay = np.zeros((3, SIZE, SIZE), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
     everywhere = np.ones(decay.shape, np.bool_)
-    find_nearest(store, n, nearest, everywhere)
+    find_nearest(store, n, nearest, everywhere, None)
     no_image: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
     ratios = behind(pixel)
-    bound_depths(nearest, ratios.own, np.ones(3, np.uint8), decay, SILHOUETTE_PER_S, no_image, everywhere, bounds)
-    weigh(store, n, nearest, ratios, bounds, now, np.float32(0.0), np.zeros(n, np.float32), np.zeros(n, np.uint32))
+    moved, rows = np.ones(3, np.uint8), (0, len(nearest))
+    bound_depths(nearest, ratios.own, moved, decay, SILHOUETTE_PER_S, no_image, everywhere, bounds, *rows)
+    weigh(store, 0, n, nearest, ratios, bounds, now, np.float32(0.0), np.zeros(n, np.float32), np.zeros(n, np.uint32))
     return np.asarray(screen[2, len(nearer) :] == OUTSIDE, bool)
 
 

@@ -32,7 +32,8 @@ def shares(x: float, y: float, sharpness: float) -> Float32:
     store.radiance[:], store.screen_position[:, 0] = 1.0, (x, y, 1.0)
     sums: Float32 = np.full((SIZE + 2, SIZE + 2, 4), 7.0, np.float32)
     bounds = np.full((3, SIZE, SIZE), sharpness, np.float32)
-    splat(store, np.ones(1, np.float32), 1, bounds, np.ones((1, 1), np.bool_), sums, np.zeros((0, 0, 2), np.float32))
+    no_irradiance = np.zeros((0, 0, 2), np.float32)
+    splat(store, np.ones(1, np.float32), 1, bounds, np.ones((1, 1), np.bool_), sums, no_irradiance, None)
     assert_allclose(sums[..., 0], sums[..., 3])
     return np.asarray(sums[..., 3])
 
@@ -57,7 +58,7 @@ def test_the_tent_is_steeper_only_where_samples_are_dense(weight: float, expecte
     sums[3, 5, 3] = weight
     bound_depths(
         nearest, RATIO, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), SILHOUETTE_PER_S, sums,
-        np.ones((1, 1), np.bool_), bounds,
+        np.ones((1, 1), np.bool_), bounds, 0, SIZE,
     )  # fmt: skip
     sharpness = bounds[SHARPNESS]
     assert sharpness[2, 4] == expected
@@ -74,7 +75,7 @@ def test_silhouettes_age_at_full_pace_where_they_move_else_by_density(moves: int
     sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
     sums[..., 3] = weight
     decay, moved = np.full((1, 1), 2.0, np.float32), np.array([0, moves, 0], np.uint8)
-    bound_depths(nearest, RATIO, moved, decay, SILHOUETTE_PER_S, sums, np.ones(decay.shape, np.bool_), bounds)
+    bound_depths(nearest, RATIO, moved, decay, SILHOUETTE_PER_S, sums, np.ones(decay.shape, np.bool_), bounds, 0, SIZE)
     by_density = {0.0: 1.0, 0.6: 0.3, 8.0: 2.0}[weight]
     assert_allclose(bounds[DECAY, :, 3:6], 2.0 * by_density + float(SILHOUETTE_PER_S) * pace, rtol=FLOAT32)
     assert_allclose(np.delete(bounds[DECAY], (3, 4, 5), axis=1), 2.0 * by_density, rtol=FLOAT32)
@@ -99,7 +100,7 @@ def test_bounds_come_from_nine_pixels_in_whichever_rows_of_tiles(moved: tuple[in
     tiles = np.zeros((4, 3), np.bool_)
     tiles[list(rows), 1] = True
     decay, bounds = random.uniform(1, 2, tiles.shape).astype(np.float32), np.zeros((3, height, width), np.float32)
-    bound_depths(nearest, RATIO, np.array(moved, np.uint8), decay, SILHOUETTE_PER_S, sums, tiles, bounds)
+    bound_depths(nearest, RATIO, np.array(moved, np.uint8), decay, SILHOUETTE_PER_S, sums, tiles, bounds, 0, height)
 
     objects = nearest[..., 3].astype(int)
     limit = neighbourhood(nearest[..., 0]).min(axis=0) * float(RATIO)

@@ -12,6 +12,7 @@ AGE_SHIFT = 16  # a class of age: the bits of its float32 above so many; each is
 AGES = 1 << (31 - AGE_SHIFT)
 EXACT = 1 << 14  # samples: of n times as many only every nth is counted
 ZERO = np.float32(0.0)
+uint32 = np.uint32  # as indices: no test whether they count from the end
 
 
 @kernel
@@ -53,9 +54,12 @@ def first_younger(now, limit):
 
 
 @kernel
-def evict(store, count, cutoff):
-    """Reject samples from before `cutoff`, float32 seconds of the store's clock. store : SampleStore; count : int"""
-    for k in range(count):
+def evict(store, first, last, cutoff):
+    """Reject those of the samples first to last - 1 that are from before `cutoff`.
+
+    store : SampleStore; first, last : int; cutoff : float32 seconds of the store's clock
+    """
+    for k in range(uint32(first), uint32(last)):
         if store.time[k] < cutoff:
             store.screen_position[DEPTH, k] = OUTSIDE
             store.confidence[k] = ZERO

@@ -16,6 +16,7 @@ from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
 FAR = np.float32(1e30)  # depth of the sky
 NEAREST = np.float32(1e-20)  # depths below it are not before the eye
 OUTSIDE = np.float32(-1.0)  # depth of a point that is not in the image
+BLOCK = 4096  # samples; ranges of them begin at multiples of it, so that vectors, and roundings, do not hang on ranges
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -116,20 +117,19 @@ def pixel_of(a, b, c, object_id, table):
 
 
 @kernel
-def reproject(store, count, table, moved, width, height):
-    """Bring the screen positions of samples of moved objects up to date.
+def reproject(store, first, last, table, moved, width, height):
+    """Bring the screen positions of the samples first to last - 1 up to date where their objects moved.
 
-    store : SampleStore, `screen_position` updated; count : int, samples stored
+    store : SampleStore, `screen_position` updated; first, last : int, `first` a multiple of BLOCK
     table : (n + 1, 12) float32, panel_from_object; moved : (n + 1,) uint8, rows that differ from the time before
     width, height : float32, image pixels
     """
     objects = store.object_id
-    first = 0
-    while first < count:
-        object_id, last = objects[first], end_of_run(objects, first, count)
+    while first < last:
+        object_id, end = objects[first], end_of_run(objects, first, min(last, first - first % BLOCK + BLOCK))
         if moved[object_id] != 0:
-            reproject_run(store, first, last, table[object_id], width, height)
-        first = last
+            reproject_run(store, first, end, table[object_id], width, height)
+        first = end
 
 
 @inline_kernel

@@ -18,31 +18,33 @@ REACH = 2  # pixels beyond a tile: samples there may share a pixel with one that
 
 
 @kernel
-def sort_store(store, count, by_tile, columns, starts, out):
-    """Copy the samples of the image to a second store, in the order of tiles or of objects.
+def count_keys(store, first, last, by_tile, columns, counts):
+    """Count the samples first to last - 1 of the image by their tile or object.
+
+    store : SampleStore; first, last : int; by_tile : bool; columns : int, tiles in a row
+    counts : (objects or tiles,) int64, written
+    """
+    counts[:] = 0
+    for k in range(first, last):
+        if store.screen_position[DEPTH, k] > ZERO:
+            counts[sort_key(store, k, by_tile, columns)] += 1
+
+
+@kernel
+def copy_sorted(store, first, last, by_tile, columns, starts, out):
+    """Copy the samples first to last - 1 of the image to a second store, in the order of tiles or of objects.
 
     store, out : SampleStore, of one capacity; the order within a key stays
-    by_tile : bool; columns : int, tiles in a row; starts : (1 + objects or tiles,) int64, scratch
-
-    Returns
-    -------
-    count : int, samples copied
+    first, last, by_tile, columns : see count_keys
+    starts : (objects or tiles,) int64, where those of each key go; written: the end of where they went
     """
-    starts[:] = 0
-    for k in range(count):
-        if store.screen_position[DEPTH, k] > ZERO:
-            starts[sort_key(store, k, by_tile, columns) + 1] += 1
-    for n in range(1, starts.shape[0]):
-        starts[n] += starts[n - 1]
-    kept = starts[-1]
-    for k in range(count):
+    for k in range(first, last):
         if not store.screen_position[DEPTH, k] > ZERO:
             continue
         n = sort_key(store, k, by_tile, columns)
         j = starts[n]
         starts[n] += 1
         copy_sample(store, k, out, j)
-    return kept
 
 
 @inline_kernel

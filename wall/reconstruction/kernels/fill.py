@@ -14,7 +14,7 @@ RUN = 16  # pixels that are looked at together for holes
 
 
 @kernel
-def resolve_splats(sums, coarse, shown, holes):
+def resolve_splats(sums, coarse, shown, holes, top, bottom):
     """Resolve splat sums to weighted means, list the holes, and make the first level of a pyramid to fill them from.
 
     A level holds sums over 2x2, a pixel of weight TRUSTED or more counting once.
@@ -22,16 +22,18 @@ def resolve_splats(sums, coarse, shown, holes):
     sums : (h + 2, w + 2, 4) float32 weighted radiance and weight, one pixel of border around
     coarse : (ceil(h/2), ceil(w/2), 4) float32, written
     shown : (h, w, 3) float32, written; with weights below TRUSTED a part is missing
-    holes : (h w,) uint32, written: y w + x of the pixels of such weights
+    holes : (h w,) uint32, written from `top` w on: y w + x of the pixels of such weights
+    top, bottom : int, rows of pixels that are resolved; even, but for the last
 
     Returns
     -------
     count : int, holes
     """
-    height, width = shown.shape[0], shown.shape[1]
+    width = shown.shape[1]
     scale, lacks = np.empty(width + 1, np.float32), np.zeros(width + RUN, np.uint8)
-    count = uint32(0)
-    for i in range(height):
+    first = uint32(top * width)
+    count = first
+    for i in range(top, bottom):
         row, half, out = sums[i + 1].reshape(-1)[4 : 4 * (width + 1)], coarse[i >> 1].reshape(-1), shown[i].reshape(-1)
         if i & 1 == 0:
             half[:] = ZERO
@@ -53,7 +55,7 @@ def resolve_splats(sums, coarse, shown, holes):
         for j in range(width):
             lacks[j] = uint8(1) if row[4 * j + 3] < TRUSTED else uint8(0)
         count = list_holes(lacks, i * width, width, holes, count)
-    return count
+    return count - first
 
 
 @inline_kernel
@@ -85,16 +87,17 @@ def halve(fine, coarse):
 
 
 @kernel
-def expand(coarse, filled):
+def expand(coarse, filled, top, bottom):
     """Divide by weight, and where that is below 1 mix in the coarser level (bilinear).
 
     coarse : (h, w, 4) float32 sums of halve(); on return, rows 0..2 hold radiance.
     filled : (h', w', 4) float32, the coarser level after its own expand(), | None at the top
+    top, bottom : int, rows that are expanded
     """
-    height, width = coarse.shape[0], coarse.shape[1]
+    width = coarse.shape[1]
     between, finer = np.empty((3, (width + 1) // 2 + 2), np.float32), np.zeros((3, width + 1), np.float32)
     least = ONE if filled is not None else SMALLEST  # the top has nothing to mix in
-    for i in range(height):
+    for i in range(top, bottom):
         if filled is not None:
             interpolate(filled, i, between, finer)
         for j in range(width):

@@ -18,30 +18,30 @@ NX, NY, NZ, RED, GREEN, BLUE, WEIGHT, ROWS = 0, 1, 2, 3, 4, 5, 6, 7  # rows of a
 
 
 @kernel
-def relight(store, count, changed, lights, irradiance):
-    """Light the samples of changed objects anew: `reflected_light` for many samples, in loops of vector code.
+def relight(store, first, last, changed, lights, irradiance):
+    """Light the samples first to last - 1 of changed objects anew: `reflected_light`, in loops of vector code.
 
-    store : SampleStore, `radiance` updated where the albedo is known; count : int, samples stored
+    store : SampleStore, `radiance` updated where the albedo is known; first, last : int, `first` a multiple of CHUNK
     changed : (n + 1,) uint8, objects; lights : ObjectLights
     irradiance : (k, 3) float32, of the sky by the normal's height
     """
     rows = np.empty((ROWS, CHUNK), np.float32)
     sky = np.ascontiguousarray(irradiance.T)
-    first = 0
-    while first < count:
-        object_id, last = store.object_id[first], end_of_run(store.object_id, first, min(count, first + CHUNK))
+    while first < last:
+        object_id, next_chunk = store.object_id[first], first - first % CHUNK + CHUNK
+        end = end_of_run(store.object_id, first, min(last, next_chunk))
         if changed[object_id] != 0:
-            unpack_normals(store.normal[first:last], rows)
-            light_from_sky(lights.up[object_id], sky, last - first, rows)
+            unpack_normals(store.normal[first:end], rows)
+            light_from_sky(lights.up[object_id], sky, end - first, rows)
             for n in range(lights.rows.shape[1]):
                 light = lights.rows[object_id, n]
                 if n < lights.directional:
-                    light_from_direction(light, last - first, rows)
+                    light_from_direction(light, end - first, rows)
                 else:
-                    light_from_point(light, store.position, first, last, rows)
-                add_visible(light, store.light_visibility[first:last], uint32(n), rows)
-            write_radiance(store, first, last, rows)
-        first = last
+                    light_from_point(light, store.position, first, end, rows)
+                add_visible(light, store.light_visibility[first:end], uint32(n), rows)
+            write_radiance(store, first, end, rows)
+        first = end
 
 
 @inline_kernel

@@ -18,7 +18,7 @@ ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
 @kernel
-def splat(store, weight, count, bounds, tiles, sums, irradiance):
+def splat(store, weight, count, bounds, tiles, sums, irradiance, band):
     """Splat samples: each spreads over the four nearest pixel centres by a tent, or a steeper one.
 
     Between two centres its share goes from one to the other within 1 / sharpness pixels, about the edge between them:
@@ -32,25 +32,34 @@ def splat(store, weight, count, bounds, tiles, sums, irradiance):
     sums : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
     irradiance : (h, w, 2) float32, weighted square root of irradiance and weight, written: a
         sample counts in its own pixel; or empty. Only that of `tiles`
+    band : Band of rows that are written, by the samples that show in them and beside; None for the whole image
     """
     radiance, screen = store.radiance.reshape(-1), store.screen_position
     flat, row = sums.reshape(-1), uint32(4 * sums.shape[1])
-    flat[:] = ZERO
-    for i in range(irradiance.shape[0]):
+    top, bottom = 0, bounds.shape[1]
+    highest, lowest = uint32(0), uint32(bottom + 2)  # rows of the sums, from the border on
+    if band is not None:
+        count, top, bottom = band.listed, band.top, band.bottom
+        highest = uint32(top + 1) if top > 0 else uint32(0)
+        lowest = uint32(bottom + 1) if bottom < bounds.shape[1] else lowest
+    flat[row * highest : row * lowest] = ZERO
+    for i in range(top, min(bottom, irradiance.shape[0])):
         for column in range(tiles.shape[1]):
             if tiles[i // TILE, column]:
                 irradiance[i, column * TILE : (column + 1) * TILE] = ZERO
     light, keeps_irradiance = irradiance.reshape(-1), irradiance.shape[0] > 0
     everywhere = tiles.all()
     sharpness, width = bounds[SHARPNESS].reshape(-1), uint32(bounds.shape[2])
-    for k in range(count):
+    for m in range(count):
+        k = m if band is None else band.indices[m]
         w = weight[k]
         if not w > ZERO:
             continue
         x, y, n = screen[X, k], screen[Y, k], uint32(4) * uint32(k)
         pixel = uint32(y) * width + uint32(x)
         sharp = sharpness[pixel]
-        if keeps_irradiance and (everywhere or tiles[uint32(y) // uint32(TILE), uint32(x) // uint32(TILE)]):
+        own = band is None or top <= np.int64(y) < bottom
+        if own and keeps_irradiance and (everywhere or tiles[uint32(y) // uint32(TILE), uint32(x) // uint32(TILE)]):
             i = uint32(2) * pixel
             light[i + uint32(IRRADIANCE)] += w * radiance[n + uint32(SQRT_IRRADIANCE)]
             light[i + uint32(WEIGHT)] += w
@@ -63,9 +72,11 @@ def splat(store, weight, count, bounds, tiles, sums, irradiance):
         w11 = fx * fy * w
         w10 = fy * w - w11
         w01 = fx * w - w11
-        i = i * row + j * uint32(4)
-        add_two(flat, i, red, green, blue, w - w01 - w10 - w11, w01)
-        add_two(flat, i + row, red, green, blue, w10, w11)
+        at = i * row + j * uint32(4)
+        if band is None or highest <= i < lowest:
+            add_two(flat, at, red, green, blue, w - w01 - w10 - w11, w01)
+        if band is None or highest <= i + uint32(1) < lowest:
+            add_two(flat, at + row, red, green, blue, w10, w11)
 
 
 @inline_kernel

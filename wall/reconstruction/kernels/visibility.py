@@ -5,7 +5,7 @@ Indices are unsigned: no test whether they count from the end.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ STEEPEST = 16.0  # pixels in depth for one across, 86 degrees: what is deeper wi
 FARTHEST = 0.05  # or by this share of its depth where pixels are large
 NEAREST_BEHIND = 1e-4  # but by no less, since depths are float32
 TOUCHING = 0.1  # times that where the nearer one is of another object, which may touch but mostly does not go on
+LISTED = 64  # samples at a time
 COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
 AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # pixels: so do n whose mean lies within AMIDST + ALONE / n
 SLOT = np.float32(6.0)  # pixels of 3x3 that show nearer samples: with fewer, a pixel showing the deeper one is a gap,
@@ -32,6 +33,15 @@ DENSE = np.float32(4.0)  # effective samples of a pixel: with more, they spread 
 SHARPEST = np.float32(3.0)  # times at most (a factor)
 CONSERVATIVE_DEPTH, DECAY, SHARPNESS = 0, 1, 2  # planes of bounds
 SLOWEST = np.float32(0.3)  # factor of decay where samples are few: there are no better ones
+
+
+class Band(NamedTuple):
+    """Rows of an image, and the samples that show in them and in the row on either side."""
+
+    top: int
+    bottom: int  # the row below the last
+    indices: Any  # (listed,) uint32 or more, into the store, in its order
+    listed: int  # of them
 
 
 class Behind(NamedTuple):
@@ -48,20 +58,58 @@ def behind(pixel: float) -> Behind:
 
 
 @kernel
-def find_nearest(store, count, nearest, tiles):
+def list_rows(store, count, top, bottom, indices):
+    """List the samples of the image that lie in rows top to bottom - 1 of pixels, in the order of the store.
+
+    store : SampleStore; count : int, samples stored; indices : (count,) uint32 or more, written
+
+    Returns
+    -------
+    listed : int, samples
+    """
+    screen, inside = store.screen_position, np.zeros(LISTED, np.uint8)
+    first, end, listed = np.float32(top), np.float32(bottom), 0
+    for start in range(0, count, LISTED):
+        length = min(LISTED, count - start)
+        y, depth = screen[Y, start : start + length], screen[DEPTH, start : start + length]
+        some = uint32(0)
+        for k in range(length):
+            inside[k] = np.uint8((depth[k] > ZERO) & (y[k] >= first) & (y[k] < end))
+            some += uint32(inside[k])
+        if some == length:  # as often as none: samples are sorted
+            out = indices[listed : listed + length]
+            for k in range(length):
+                out[k] = uint32(start + k)
+            listed += length
+        elif some > 0:
+            for k in range(length):  # no branches
+                indices[listed] = uint32(start + k)
+                listed += np.int64(inside[k])
+    return listed
+
+
+@kernel
+def find_nearest(store, count, nearest, tiles, band):
     """Find each pixel's nearest sample. Rejected samples leave the image.
 
     store : SampleStore; count : int, samples stored
     nearest : (h, w, 4) float32, written, see PixelHistory
     tiles : (rows, columns) bool, where they are found anew; all their samples are in the store
+    band : Band of rows that are written, and whose samples are read and rejected; None for the whole image
     """
     screen, flat, width = store.screen_position, nearest.reshape(-1), uint32(nearest.shape[1])
-    for i in range(nearest.shape[0]):
+    top, bottom = uint32(0), uint32(nearest.shape[0])
+    if band is not None:
+        count, top, bottom = band.listed, uint32(band.top), uint32(band.bottom)
+    for i in range(top, bottom):
         for column in range(tiles.shape[1]):
             if tiles[i // TILE, column]:
                 for j in range(column * TILE, min((column + 1) * TILE, nearest.shape[1])):
                     nearest[i, j, NEAREST_DEPTH], nearest[i, j, NEAREST_OBJECT] = INFINITE, -ONE
-    for k in range(count):
+    for n in range(count):
+        k = n if band is None else band.indices[n]
+        if band is not None and not top <= uint32(screen[Y, k]) < bottom:
+            continue
         z = screen[DEPTH, k]
         if not z > ZERO:
             continue
@@ -79,7 +127,7 @@ def find_nearest(store, count, nearest, tiles):
 
 
 @kernel
-def bound_depths(nearest, ratio, moved, decay, silhouette, density, tiles, bounds):
+def bound_depths(nearest, ratio, moved, decay, silhouette, density, tiles, bounds, top, bottom):
     """Bound the depth up to which samples are visible without further tests, their decay, and how far they spread.
 
     Where samples are dense, enough are near and new: the tent would only blur, the old would only lag behind.
@@ -89,6 +137,7 @@ def bound_depths(nearest, ratio, moved, decay, silhouette, density, tiles, bound
     silhouette : float32, 1 / seconds, SILHOUETTE_PER_S unless nothing is to age
     density : (h + 2, w + 2, 4) float32, splat sums of the image before, weight last
     tiles : (rows, columns) bool, where bounds are wanted, and for pixels within REACH
+    top, bottom : int, of the rows top to bottom - 1
     bounds : (3, h, w) float32, written.
         CONSERVATIVE_DEPTH: the least depth over 3x3 pixels times `ratio`: for samples of the object that their
         pixel shows; those of others are tested sooner. DECAY, 1 / seconds: the tile's decay
@@ -103,7 +152,7 @@ def bound_depths(nearest, ratio, moved, decay, silhouette, density, tiles, bound
     slow, dense = np.empty(tiles.shape[1] * TILE, np.float32), np.empty(width, np.float32)
     all_move = moved[1:].all()  # as the camera does, but for the sky when it only slides
     copied = -1
-    for i in range(height):  # few arrays a loop: all are vector code
+    for i in range(top, bottom):  # few arrays a loop: all are vector code
         if not (tiles[max(i - REACH, 0) // TILE].any() | tiles[min(i + REACH, height - 1) // TILE].any()):
             continue
         for k in range(max(i - 1, copied + 1), min(i + 2, height)):
@@ -194,25 +243,25 @@ def hidden(x, y, z, object_id, nearest, ratios):
 
 
 @kernel
-def weigh(store, count, nearest, ratios, bounds, now, young, weight, untested):
-    """Weigh each sample: its confidence reduced by its age; nothing where it is hidden or outside.
+def weigh(store, first, last, nearest, ratios, bounds, now, young, weight, untested):
+    """Weigh the samples first to last - 1: confidence reduced by age; nothing where they are hidden or outside.
 
     What is hidden waits for a while, then is rejected. Samples younger than `young` seconds are never hidden: what
     they hide may not have been traced yet.
 
     Parameters
     ----------
-    store : SampleStore; rejected samples get depth OUTSIDE and no confidence; count : int, samples stored
+    store : SampleStore; rejected samples get depth OUTSIDE and no confidence; first, last : int
     nearest, ratios, bounds : see PixelHistory, Behind and bound_depths
     now, young : float32 seconds of the store's clock
     weight : (capacity,) float32, written
-    untested : (capacity,) uint32, scratch: samples whose visibility needs a test
+    untested : (capacity,) uint32, scratch from `first` on: samples whose visibility needs a test
     """
     screen, times, confidence, objects = store.screen_position, store.time, store.confidence, store.object_id
     shown, closer = nearest.reshape(-1), ratios.own / ratios.other
     bound, decay = bounds[CONSERVATIVE_DEPTH].reshape(-1), bounds[DECAY].reshape(-1)
-    width, tests = uint32(bounds.shape[2]), uint32(0)
-    for k in range(count):  # no branches
+    width, tests = uint32(bounds.shape[2]), uint32(first)
+    for k in range(uint32(first), uint32(last)):  # no branches
         z = screen[DEPTH, k]
         inside = z > ZERO
         i = uint32(screen[Y, k] if inside else ZERO) * width + uint32(screen[X, k] if inside else ZERO)
@@ -223,14 +272,14 @@ def weigh(store, count, nearest, ratios, bounds, now, young, weight, untested):
         other = shown[uint32(4) * i + uint32(NEAREST_OBJECT)] != np.float32(objects[k])
         untested[tests] = uint32(k)
         tests += uint32(1) if inside & (age > young) & (z * (closer if other else ONE) > bound[i]) else uint32(0)
-    for n in range(tests):  # in a loop of their own the tests overlap
+    for n in range(uint32(first), tests):  # in a loop of their own the tests overlap
         k = untested[n]
         weight[k] *= (
             ZERO
             if hidden(screen[X, k], screen[Y, k], screen[DEPTH, k], np.float32(objects[k]), nearest, ratios)
             else ONE
         )
-    for n in range(tests):
+    for n in range(uint32(first), tests):
         k = untested[n]
         if weight[k] == ZERO and now - times[k] >= WAIT_S:
             screen[DEPTH, k] = OUTSIDE

@@ -9,7 +9,6 @@ import numpy as np
 
 from wall.core.data import Event, Samples
 from wall.geometry.panels import Panel
-from wall.reconstruction.choice import display
 from wall.reconstruction.gpu.device import GpuError, device
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
@@ -80,6 +79,6 @@ def _refreshes(image: GpuReconstruction | Reconstruction, samples: Samples, even
         moved = replace(event, camera_event=k, camera=camera)
         began = time.perf_counter()
         image.refresh(moved, REFRESH_S * (k + 1))
-        display(image, image.take_dirty(), rgb)
+        image.display(image.take_dirty(), rgb)
         took.append(1e3 * (time.perf_counter() - began))
     return took[SETTLING:]
