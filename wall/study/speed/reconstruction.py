@@ -1,19 +1,22 @@
-"""What a refresh of a moving image costs on this machine's GPU, display values on the CPU included."""
+"""What a refresh of a moving image costs on this machine's GPU, and shared out to threads; display values included."""
 
 from __future__ import annotations
 
+import os
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from wall.core.data import Event, Samples
+from wall.deepbuffer.deep_buffer import SORT_EVERY
 from wall.geometry.panels import Panel
 from wall.reconstruction.gpu.device import GpuError, device
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, first_event
-from wall.study.speed.record import SEED, Row, bounded, median, skipped
+from wall.study.speed.record import SEED, Row, bounded, compared, median, skipped
 from wall.study.speed.tracing import plan_of
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import make_tracer_scene
@@ -22,6 +25,7 @@ METRIC, UNIT = "gpu_refresh", "ms"
 PIXELS, SOFTWARE_PIXELS = (1920, 1080), (480, 270)  # a program on the CPU gets a sixteenth
 SAMPLES_PER_PIXEL = 4
 LIMIT_MS = 4.0
+THREADS, MOST_THREADS, LEAST_GAIN = "reconstruct_threads", 4, 3.0
 STEP = 0.002  # world units that the eye slides at every refresh
 REFRESH_S = 1.0 / 60.0
 BATCH = 65536
@@ -41,15 +45,41 @@ def measure(rounds: int) -> list[Row]:
     event = first_event(plan, 0.0)
     samples = _samples(plan, panel, event)
     on_gpu = GpuReconstruction(panel, plan.view.eye, plan.scene, samples_per_pixel=SAMPLES_PER_PIXEL)
-    took = _refreshes(on_gpu, samples, event, rounds)
+    [took] = _refreshes([on_gpu], samples, event, rounds)
     on_cpu = Reconstruction(panel, plan.view.eye, plan.scene, detects_change=False, samples_per_pixel=SAMPLES_PER_PIXEL)
-    cpu = _refreshes(on_cpu, samples, event, min(rounds, 3))
+    [cpu] = _refreshes([on_cpu], samples, event, min(rounds, 3))
     note = f"{gpu.renderer}, courtyard at {width}x{height}, {on_gpu.count / (width * height):.1f} samples a pixel"
     more = {"renderer": gpu.renderer, "width": width, "height": height, "cpu_ms": round(median(cpu), 2)}
     row = bounded(METRIC, median(took), LIMIT_MS, unit=UNIT, below=True, note=note, **more)
     if gpu.real:
         return [row]
     return [replace(row, met=None, ratio=None, note=f"{note}; the bar is for a GPU, this is a program on the CPU")]
+
+
+def in_threads(rounds: int) -> list[Row]:
+    """Time of a refresh by one thread, over that by as many as there are cores, up to four; in turn."""
+    count = min(len(os.sched_getaffinity(0)), MOST_THREADS)
+    if count < 2:
+        return [skipped(THREADS, UNIT, f"ratio >= {LEAST_GAIN:g}", "it needs two cores")]
+    plan = plan_of("courtyard")
+    panel = replace(plan.layout.wall.panels[0], pixels=PIXELS)
+    event = first_event(plan, 0.0)
+    samples = _samples(plan, panel, event)
+    images = [
+        Reconstruction(
+            panel, plan.view.eye, plan.scene, detects_change=False, samples_per_pixel=SAMPLES_PER_PIXEL, threads=threads
+        )
+        for threads in (1, count)
+    ]
+    alone, shared = map(_by_sorts, _refreshes(images, samples, event, 2 * SORT_EVERY * rounds))
+    note = f"courtyard at {PIXELS[0]}x{PIXELS[1]}, {SAMPLES_PER_PIXEL} samples a pixel; one thread over {count}"
+    row = compared(THREADS, alone, shared, unit=UNIT, at_least=LEAST_GAIN, note=note, threads=count)
+    return [row if count == MOST_THREADS else replace(row, bar="", met=None)]
+
+
+def _by_sorts(took: list[float]) -> list[float]:
+    """Means over the refreshes from one sort of the stored samples to the next."""
+    return [sum(took[k : k + SORT_EVERY]) / SORT_EVERY for k in range(0, len(took), SORT_EVERY)]
 
 
 def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
@@ -67,18 +97,22 @@ def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
     return samples
 
 
-def _refreshes(image: GpuReconstruction | Reconstruction, samples: Samples, event: Event, rounds: int) -> list[float]:
-    """Milliseconds from each of `rounds` events to the last display value."""
-    for first in range(0, len(samples), BATCH):
-        image.insert(samples[first : first + BATCH].copy(), 0.0, event)
-    rgb = np.zeros((image.rect.height, image.rect.width, 3), np.uint8)
+def _refreshes(
+    images: Sequence[GpuReconstruction | Reconstruction], samples: Samples, event: Event, rounds: int
+) -> list[list[float]]:
+    """Of each image, milliseconds from each of `rounds` events to the last display value; they take turns."""
+    for image in images:
+        for first in range(0, len(samples), BATCH):
+            image.insert(samples[first : first + BATCH].copy(), 0.0, event)
+    rgb = np.zeros((images[0].rect.height, images[0].rect.width, 3), np.uint8)
     x, y, z = event.camera.position
-    took = []
+    took: list[list[float]] = [[] for _ in images]
     for k in range(SETTLING + rounds):
         camera = replace(event.camera, position=(x + STEP * k, y, z))
         moved = replace(event, camera_event=k, camera=camera)
-        began = time.perf_counter()
-        image.refresh(moved, REFRESH_S * (k + 1))
-        image.display(image.take_dirty(), rgb)
-        took.append(1e3 * (time.perf_counter() - began))
-    return took[SETTLING:]
+        for image, own in zip(images, took, strict=True):
+            began = time.perf_counter()
+            image.refresh(moved, REFRESH_S * (k + 1))
+            image.display(image.take_dirty(), rgb)
+            own.append(1e3 * (time.perf_counter() - began))
+    return [own[SETTLING:] for own in took]

@@ -40,6 +40,7 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("adaptive_bytes", "adaptive_encode"), lambda rounds, seconds: wire.adaptive_codec(rounds)),
     (("adaptive_overhead", "adaptive_rate"), lambda rounds, seconds: adaptive_cost.rank_side(rounds)),
     *(((name,), partial(_display_side, name)) for name in adaptive_cost.PANELS),
+    (("reconstruct_threads",), lambda rounds, seconds: reconstruction.in_threads(rounds)),
     (("trace_framed", "trace_hilbert"), lambda rounds, seconds: tracing.measure(rounds)),
     (("many_lamps", "many_points"), lambda rounds, seconds: many_lights.costs(rounds)),
     (("lamps_noise",), lambda rounds, seconds: many_lights.noise()),
@@ -58,7 +59,8 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
 METRICS = (
     "trace_framed", "trace_hilbert", "many_lamps", "many_points", "lamps_noise", "light_tree", "light_tree_move",
     "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
-    "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end", "encrypted",
+    "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "reconstruct_threads", "end_to_end",
+    "encrypted",
     "depth_copy", "depth_covered", "unchanged_input", "compositor_tree", "depth_tree", "compositor_cpu",
     "input_latency", "static_bytes", "memory_per_rank", "gpu_refresh",
 )  # fmt: skip
