@@ -102,6 +102,16 @@ class DeepBuffer:
             elif doubted is not None:
                 kernels_doubt.doubt(self.store, before, self.count, doubted, self.poses.lit)
 
+    def take_over(self, other: DeepBuffer) -> None:
+        """Store the newest samples of another deep buffer of the same scene, under the pose shown; it has none."""
+        self.epoch, times = other.epoch, other.store.time[: other.count]
+        latest = ALL_TIMES
+        if other.count > self._kept:
+            latest = np.float32(np.quantile(times, 1.0 - self._kept / other.count))
+        self.count = kernels_sort.copy_newer(other.store, other.count, latest, self.store)
+        everything = np.ones(self._objects + 1, np.uint8)
+        self.reproject(everything, everything, np.zeros_like(self.history.dirty))
+
     def forget(self, samples: Samples, base_time: float) -> None:
         """Reject the samples of one insert, whose packet was lost, and what their pixels have accumulated.
 
@@ -230,6 +240,7 @@ class DeepBuffer:
         """Compile what is not needed at once: no image is to wait for it."""
         store, history, none, now = self.store, self.history, np.zeros(objects + 1, np.uint8), np.float32(0.0)
         self.count = kernels_sort.compact(store, 0, ALL_TIMES)
+        kernels_sort.copy_newer(store, 0, ALL_TIMES, store)
         kernels_accumulation.mark_changed(store, 0, none, history.dirty, history.accumulation)
         kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
         kernels_change.reject_contradicted(store, 0, history)

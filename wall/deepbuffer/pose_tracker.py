@@ -43,6 +43,11 @@ class PoseTracker:
         self._poses = Poses(panel, eye, scene, self.rect, objects=objects, lit=lit)
         self._shown: Event | None = None
 
+    @property
+    def shown(self) -> Event | None:
+        """The event of the image; None before the first."""
+        return self._shown
+
     def show(self, event: Event) -> None:
         """Show `event` from now on; nothing moves if the event before has the same number."""
         shown, self._shown = self._shown, event

@@ -161,6 +161,17 @@ class Reconstruction:
         if history.dirty.any() and not (self._shows_splats and not history.accumulating.any()):
             self._mix()
 
+    def take_over(self, other: Reconstruction) -> None:
+        """Forget every sample, and store those of an image of other pixels: what that shows is what the next one shows.
+
+        `other`: of the same panel, eye and scene; where there are more than are kept, its newest.
+        """
+        self.clear()
+        if (event := other.poses.shown) is not None:
+            self.poses.show(event)
+            self.buffer.take_over(other.buffer)
+            self.poses.reset()  # all of it is made anew, whatever moves
+
     def limit_means(self) -> None:
         """Let what pixels accumulated weigh too little for any of them to be complete."""
         limit_means(self.buffer.history)

@@ -15,6 +15,7 @@ from wall.core.errors import RunError
 from wall.geometry.cameras import PanelView
 from wall.geometry.moving import MovingEvent
 from wall.geometry.prediction import foreseen
+from wall.reconstruction.dynamic_resolution import DynamicResolution
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, make_predictor
 from wall.roles.renderer_image import OwnImage
@@ -52,10 +53,10 @@ class AdaptiveRenderer:
             panel, self._panel_view.eye, scene, detects_change=needs(scene).change_detection, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
         )  # fmt: skip
-        self.sampler = AdaptiveSampler(
-            band, self.reconstruction.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed,
-            tiling=sampling.tiling,
-        )  # fmt: skip
+        self._samplers: dict[Rect, AdaptiveSampler] = {}  # by what is sampled, one for each resolution
+        self._sampling = sampling
+        image = self.reconstruction
+        self.sampler = self._sampler_of(image.current.rect if isinstance(image, DynamicResolution) else band)
         self._shown, self._refreshes = shown, 0
         shown_hz = plan.layout.layer(region).refresh_hz or plan.view_of(panel).refresh_hz
         self._clock, self._interval = clock, 1.0 / shown_hz
@@ -76,6 +77,8 @@ class AdaptiveRenderer:
                 self._refreshes = self.reconstruction.refreshes
                 self._expected = self._shown.expected or newest
                 self._event = foreseen(newest, self._expected)
+                if isinstance(self.reconstruction, DynamicResolution):
+                    self.sampler = self._sampler_of(self.reconstruction.current.rect)
                 self.sampler.replan(self.reconstruction.feedback())
             elif newest.edits.number != self._event.edits.number:  # an edit is seen at once, wherever the camera is
                 self._event = replace(self._event, edits=newest.edits, scene_event=newest.scene_event)
@@ -90,6 +93,9 @@ class AdaptiveRenderer:
         elif newest is not self._newest:
             self._expect(newest, now)
         targets = self._choose_rows() if self._scan is not None else self.sampler.choose(self._event or newest)
+        if targets is not None and isinstance(self.reconstruction, DynamicResolution):
+            scale = self.reconstruction.scale
+            targets = replace(targets, xy=self.reconstruction.to_panel(targets.xy), footprint=scale * targets.footprint)
         self._traced = targets.event if targets is not None else self._traced
         return targets
 
@@ -118,8 +124,24 @@ class AdaptiveRenderer:
     def observe(self, samples: Samples, base_time: float) -> None:
         """Insert samples into the deep buffer, and update the scores by what they contradict."""
         if self._traced is not None:
-            self.reconstruction.insert(samples, base_time, self._panel_view(self._traced))
-            self.sampler.observe(samples)
+            in_image = self._in_image(samples)
+            self.reconstruction.insert(in_image, base_time, self._panel_view(self._traced))
+            self.sampler.observe(in_image)
+            samples["change"] = in_image["change"]
+
+    def _in_image(self, samples: Samples) -> Samples:
+        """Samples of the panel as samples of the image that is made."""
+        image = self.reconstruction
+        return image.to_image(samples) if isinstance(image, DynamicResolution) else samples
+
+    def _sampler_of(self, rect: Rect) -> AdaptiveSampler:
+        """The sampler of an image's pixels."""
+        if rect not in self._samplers:
+            own = self._sampling
+            self._samplers[rect] = AdaptiveSampler(
+                rect, self.reconstruction.feedback(), batch=own.samples_per_batch, seed=own.seed, tiling=own.tiling
+            )
+        return self._samplers[rect]
 
     @property
     def demand(self) -> float:
@@ -136,6 +158,7 @@ class AdaptiveRenderer:
 
     def forget(self, samples: Samples, base_time: float) -> None:
         """Take back samples whose packet was dropped, so that their pixels are sampled again."""
+        samples = self._in_image(samples)
         self.reconstruction.forget(samples, base_time)
         self.sampler.forget(samples)
 

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region, StatisticsImage
-from wall.reconstruction.reconstruction import Reconstruction
+from wall.reconstruction.dynamic_resolution import DynamicResolution
 from wall.roles.composition import Composition
 from wall.roles.edges import NEVER, summed_number
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan
+from wall.roles.resolution import ResolutionChoice
 from wall.roles.sample_budget import SampleBudget
 from wall.roles.updates import UpdatesShown
 from wall.roles.view import FollowedView
@@ -27,13 +28,13 @@ class OwnImage:
         self._layer: PanelCompositor = composition.layers[region.layer]
         self.view = FollowedView(plan, region.view)
         self.weight = plan.layout.config.views[region.view].weight
-        self._budget = SampleBudget()
+        self._budget, self._resolution = SampleBudget(), ResolutionChoice(self._layer.panel)
         self.expected: Event | None = None  # what the last refresh shows
         self.refreshing_s = 0.0  # seconds spent on refreshes so far
         self.rests = False  # the last refresh was of the newest event, and changed nothing
 
     @property
-    def reconstruction(self) -> Reconstruction:
+    def reconstruction(self) -> DynamicResolution:
         """The reconstruction that the adaptive sampler shares; made when it is first asked for."""
         return self._layer.reprojected.shared()
 
@@ -48,6 +49,7 @@ class OwnImage:
     def insert(self, batch: Batch) -> None:
         """Show a batch from the next refresh on."""
         self._composition.insert_batch(batch)
+        self._resolution.note(len(batch.samples))
         self.rests = False
         self._hasten()
 
@@ -65,10 +67,12 @@ class OwnImage:
         if view.event is None or now < view.due:
             return False
         began = self._clock.now()
-        self.expected = expected = view.begin_refresh(now)
+        before, self.expected = self.expected, view.begin_refresh(now)
+        expected = self.expected
         self._layer.reprojected.keep(self._budget.after(view.lateness))
         changed = self._composition.refresh(expected, now)
         self.rests = not changed and expected.number == view.event.number
+        self._choose_resolution(began, still=before is not None and before.number == expected.number)
         took = self._clock.now() - began
         self.refreshing_s += took
         view.made(took)
@@ -76,10 +80,15 @@ class OwnImage:
         view.due = max(view.due, now + took / (SHARE_OF_TIME * share))
         return True
 
+    def _choose_resolution(self, began: float, *, still: bool) -> None:
+        """After the refresh that `began` then; `still`: it showed the same event as the one before."""
+        image, now = self.reconstruction, self._clock.now()
+        image.rescale(self._resolution.after(now, now - began, still=still, stored=image.count))
+
     @property
     def complete(self) -> bool:
-        """Whether all that came is shown, and has been sent."""
-        return self.rests and self._composition.idle
+        """Whether all that came is shown, at full resolution, and has been sent."""
+        return self.rests and self.reconstruction.scale == 1 and self._composition.idle
 
     def oldest_sample_at(self, now: float) -> float:
         """When the oldest sample shown was traced, seconds of the head's clock; -1 while a pixel never had one."""

@@ -16,10 +16,12 @@ from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.geometry.cameras import PanelView
 from wall.reconstruction.channels import Coverage, show_reprojected
 from wall.reconstruction.choice import AnyReconstruction, Choice, Wish, choose, make_reconstruction
+from wall.reconstruction.dynamic_resolution import DynamicResolution
 from wall.reconstruction.gpu.device import GpuError
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan
+from wall.roles.resolution import coarsest
 from wall.roles.statistics import statistics_image_of
 from wall.scene.needs import needs
 
@@ -66,10 +68,10 @@ class ReprojectedLayer:
         self._refreshed = False
         self._stops = plan.layout.config.views[layer.view].exposure  # of the image that the framelet shows
 
-    def shared(self) -> Reconstruction:
+    def shared(self) -> DynamicResolution:
         """At the layer's renderer: the reconstruction that its adaptive sampler inserts samples into."""
         reconstruction = self.reconstruction or self._make()
-        assert isinstance(reconstruction, Reconstruction)
+        assert isinstance(reconstruction, DynamicResolution)
         return reconstruction
 
     @property
@@ -87,7 +89,7 @@ class ReprojectedLayer:
     def weights(self) -> Float32 | None:
         """(h / 4, w / 4), rounded up: weight of the samples in each 4x4 pixels; None on a GPU, where it stays."""
         made = self.reconstruction
-        return made.block_weights() if isinstance(made, Reconstruction) else None
+        return made.block_weights() if isinstance(made, Reconstruction | DynamicResolution) else None
 
     def insert(self, batch: Batch) -> None:
         """Store a batch in the deep buffer, unless the sampler has done that: it shares the buffer at the renderer.
@@ -115,10 +117,11 @@ class ReprojectedLayer:
         threads = threads_of(self._plan, self._layer)
         if self._layer.at_renderer:
             changes = needs(scene).change_detection
-            self.reconstruction = Reconstruction(
-                panel, eye, scene, detects_change=changes, samples_per_pixel=kept, threads=threads
-            )
-            self.choice = _by_threads(Choice(on="cpu", why="at its renderer"), threads)
+            self.reconstruction = DynamicResolution(
+                panel, eye, scene, detects_change=changes, samples_per_pixel=kept, threads=threads,
+                scale=coarsest(panel),
+            )  # fmt: skip
+            self.choice = Choice(on="cpu", why="at its renderer")
             return self.reconstruction
         if self._layer.transparent:
             self._coverage = Coverage(panel, eye, scene, samples_per_pixel=kept)
@@ -132,9 +135,8 @@ class ReprojectedLayer:
         return self.reconstruction
 
     def keep(self, share: float) -> None:
-        """Keep that share of the samples that are kept where refreshes are made in time; a GPU keeps all."""
-        if isinstance(self.reconstruction, Reconstruction):
-            self.reconstruction.buffer.keep(share)
+        """At the renderer: keep that share of the samples that are kept where refreshes are made in time."""
+        self.shared().keep(share)
 
     def _give_up(self, error: GpuError) -> None:
         self._counters["gpu_lost"] += 1

@@ -77,6 +77,24 @@ def compact(store, count, latest):
 
 
 @kernel
+def copy_newer(store, count, latest, out):
+    """Copy the samples that are not rejected to another store, but none of `latest` or earlier.
+
+    store, out : SampleStore, `out` with room for them; latest : float32 seconds of the store's clock
+
+    Returns
+    -------
+    count : int, samples copied
+    """
+    copied = 0
+    for k in range(count):
+        if store.confidence[k] > ZERO and store.time[k] > latest and copied < out.time.shape[0]:
+            copy_sample(store, k, out, copied)
+            copied += 1
+    return copied
+
+
+@kernel
 def gather(store, count, tiles, out, indices):
     """Copy what is needed to weigh and splat the samples of some tiles, and those that spread into pixels next to them.
 

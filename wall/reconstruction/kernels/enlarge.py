@@ -7,7 +7,8 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 
-ZERO, ONE = np.float32(0.0), np.float32(1.0)
+uint32 = np.uint32  # as indices: no test whether they count from the end
+ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
 @kernel
@@ -48,6 +49,38 @@ def interpolate(source, row, row_share, column, column_share, dirty, out):
                 upper = (ONE - right) * source[a, c, k] + right * source[a, d, k]
                 lower = (ONE - right) * source[b, c, k] + right * source[b, d, k]
                 out[i, j, k] = (ONE - down) * upper + down * lower
+
+
+@kernel
+def enlarge_codes(small, row, row_share, first, second, share, dirty, rgb):
+    """Write the dirty tiles of an enlarged image of display codes: each between the four around its centre, rounded.
+
+    Parameters
+    ----------
+    small : (h, 3 w) uint8
+    row, row_share : see interpolate
+    first, second : (3 W,) int32, the two of a row of `small` around each value of a row of `rgb`
+    share : (3 W,) float32, of the second
+    dirty : (rows, columns) bool, tiles of `rgb`
+    rgb : (H, 3 W) uint8, written
+    """
+    line, edge = np.empty(small.shape[1], np.float32), 3 * TILE
+    for tile in range(dirty.shape[0]):
+        start = 0
+        while start < dirty.shape[1]:
+            end = start + 1
+            while end < dirty.shape[1] and dirty[tile, end] == dirty[tile, start]:  # a run of tiles
+                end += 1
+            left, right = start * edge, min(end * edge, rgb.shape[1])
+            i, j, g = first[left:right], second[left:right], share[left:right]
+            for y in range(tile * TILE, min((tile + 1) * TILE, rgb.shape[0]) if dirty[tile, start] else 0):
+                upper, lower, f, out = small[row[y, 0]], small[row[y, 1]], row_share[y], rgb[y, left:right]
+                for k in range(first[left], second[right - 1] + 1):
+                    line[k] = np.float32(upper[k]) + f * (np.float32(lower[k]) - np.float32(upper[k]))
+                for k in range(right - left):
+                    a, b = line[uint32(i[k])], line[uint32(j[k])]
+                    out[k] = np.uint8(np.int32(a + g[k] * (b - a) + HALF))
+            start = end
 
 
 @kernel
