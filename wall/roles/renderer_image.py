@@ -72,7 +72,7 @@ class OwnImage:
         self._layer.reprojected.keep(self._budget.after(view.lateness))
         changed = self._composition.refresh(expected, now)
         self.rests = not changed and expected.number == view.event.number
-        self._choose_resolution(began, still=before is not None and before.number == expected.number)
+        self._choose_resolution(still=before is not None and before.camera == expected.camera)
         took = self._clock.now() - began
         self.refreshing_s += took
         view.made(took)
@@ -80,10 +80,10 @@ class OwnImage:
         view.due = max(view.due, now + took / (SHARE_OF_TIME * share))
         return True
 
-    def _choose_resolution(self, began: float, *, still: bool) -> None:
-        """After the refresh that `began` then; `still`: it showed the same event as the one before."""
-        image, now = self.reconstruction, self._clock.now()
-        image.rescale(self._resolution.after(now, now - began, still=still, stored=image.count))
+    def _choose_resolution(self, *, still: bool) -> None:
+        """After a refresh; `still`: the camera stood."""
+        image = self.reconstruction
+        image.rescale(self._resolution.after(self._clock.now(), still=still, stored=image.count))
 
     @property
     def complete(self) -> bool:
