@@ -48,8 +48,7 @@ class DynamicResolution:
         self.rect = Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
         self._share, self._rescaled = 1.0, False  # since tiles were taken
         self._enlarged: Enlarged | None = None
-        if scale > 1:  # compiled now: no image is to wait for it
-            Enlarged(Rect(x=0, y=0, width=1, height=1), Rect(x=0, y=0, width=2, height=2)).compile()
+        Enlarged(Rect(x=0, y=0, width=1, height=1), Rect(x=0, y=0, width=2, height=2)).compile()
 
     @property
     def current(self) -> Reconstruction:
@@ -203,7 +202,7 @@ class Enlarged:
         self._dirty = np.zeros((len(self._down.first_tile), len(self._across.first_tile)), np.bool_)
 
     def compile(self) -> None:
-        """Compile what is called for every image."""
+        """Compile what is called for every image: none is to wait for it."""
         rgb = np.zeros((self._large.height, self._large.width, 3), np.uint8)
         self.display(self.tiles(np.zeros((1, 1), np.bool_)), rgb, 0, self._large.height)
 

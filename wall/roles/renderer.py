@@ -87,8 +87,9 @@ class Renderer:
         return all(region.complete for region in self.regions)
 
     def waits(self, now: float) -> bool:
-        """Whether a region has traced as many samples by now as its layer may have."""
-        return any(region.waits(now) for region in self.regions)
+        """Whether a region has traced as many samples by now as its layer may have, or its image becomes finer."""
+        finer = self.image is not None and not all(image.whole for image in self.image.images)
+        return finer or any(region.waits(now) for region in self.regions)
 
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in the newest event, what a worker has traced, what was dropped, who is in the run."""

@@ -86,9 +86,14 @@ class OwnImage:
         image.rescale(self._resolution.after(self._clock.now(), still=still, stored=image.count))
 
     @property
+    def whole(self) -> bool:
+        """Whether it is made of all pixels."""
+        return self.reconstruction.scale == 1
+
+    @property
     def complete(self) -> bool:
         """Whether all that came is shown, at full resolution, and has been sent."""
-        return self.rests and self.reconstruction.scale == 1 and self._composition.idle
+        return self.rests and self.whole and self._composition.idle
 
     def oldest_sample_at(self, now: float) -> float:
         """When the oldest sample shown was traced, seconds of the head's clock; -1 while a pixel never had one."""

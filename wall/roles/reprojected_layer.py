@@ -21,7 +21,7 @@ from wall.reconstruction.gpu.device import GpuError
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan
-from wall.roles.resolution import scale_for
+from wall.roles.resolution import first_scale
 from wall.roles.statistics import statistics_image_of
 from wall.scene.needs import needs
 
@@ -119,7 +119,7 @@ class ReprojectedLayer:
             changes = needs(scene).change_detection
             self.reconstruction = DynamicResolution(
                 panel, eye, scene, detects_change=changes, samples_per_pixel=kept, threads=threads,
-                scale=scale_for(panel),
+                scale=first_scale(panel),
             )  # fmt: skip
             self.choice = Choice(on="cpu", why="at its renderer")
             return self.reconstruction

@@ -13,7 +13,12 @@ ENOUGH_STILL = 0.5  # samples a pixel of a finer image, with which it begins whe
 LONGEST_STILL_S = 2.0  # where plain surfaces want no more samples
 
 
-def scale_for(panel: Panel, most: int = FIRST) -> int:
+def first_scale(panel: Panel) -> int:
+    """The scale that an image of a panel begins with."""
+    return scale_for(panel, FIRST)
+
+
+def scale_for(panel: Panel, most: int) -> int:
     """The edge, in pixels of a panel, of the squares that are one pixel in an image of `most` pixels: a power of 2.
 
     1 where rows are shown one after the other: each pixel has a moment of its own.
@@ -29,7 +34,7 @@ class ResolutionChoice:
 
     def __init__(self, panel: Panel) -> None:
         self._pixels, self._coarsest = panel.pixels[0] * panel.pixels[1], scale_for(panel, FEWEST)
-        self.scale = self._moving = scale_for(panel)  # of now; while the camera moved last
+        self.scale = self._moving = first_scale(panel)  # of now; while the camera moved last
         self._began, self._samples = float("-inf"), 0  # of this window
         self._still, self._patience = False, 0
 
