@@ -78,9 +78,9 @@ def compact(store, count, latest):
 
 @kernel
 def copy_newer(store, count, latest, out):
-    """Copy the samples that are not rejected to another store, but none of `latest` or earlier.
+    """Copy the samples that are not rejected to another store, but none from before `latest`.
 
-    store, out : SampleStore, `out` with room for them; latest : float32 seconds of the store's clock
+    store, out : SampleStore, which may have room for some of them; latest : float32 seconds of the store's clock
 
     Returns
     -------
@@ -88,7 +88,7 @@ def copy_newer(store, count, latest, out):
     """
     copied = 0
     for k in range(count):
-        if store.confidence[k] > ZERO and store.time[k] > latest and copied < out.time.shape[0]:
+        if store.confidence[k] > ZERO and store.time[k] >= latest and copied < out.time.shape[0]:
             copy_sample(store, k, out, copied)
             copied += 1
     return copied
