@@ -25,6 +25,7 @@ from wall.sampling.tiles import Measured
 from wall.scene.needs import needs
 
 SHARE_OF_TIME = 0.2  # at most spent on refreshing the renderer's deep buffer, which may lag behind the displayed one
+SHARE_OF_STILL_TIME = 0.1  # at most spent on scoring all pixels, while nothing moves
 SURELY_SHOWN = 2  # refreshes after an event, by when displays elsewhere show it too: they accumulate only from there on
 
 
@@ -60,6 +61,7 @@ class AdaptiveRenderer:
         self._shown, self._refreshes = shown, 0
         shown_hz = plan.layout.layer(region).refresh_hz or plan.view_of(panel).refresh_hz
         self._clock, self._interval = clock, 1.0 / shown_hz
+        self._replan_due = float("-inf")
         self._due, self._rested = float("-inf"), 0  # refreshes since anything moved
         self._predictor = make_predictor(plan, panel.view)
         self._newest: Event | None = None
@@ -77,9 +79,7 @@ class AdaptiveRenderer:
                 self._refreshes = self.reconstruction.refreshes
                 self._expected = self._shown.expected or newest
                 self._event = foreseen(newest, self._expected)
-                if isinstance(self.reconstruction, DynamicResolution):
-                    self.sampler = self._sampler_of(self.reconstruction.current.rect)
-                self.sampler.replan(self.reconstruction.feedback())
+                self._replan(now)
             elif newest.edits.number != self._event.edits.number:  # an edit is seen at once, wherever the camera is
                 self._event = replace(self._event, edits=newest.edits, scene_event=newest.scene_event)
         elif now >= self._due:
@@ -98,6 +98,18 @@ class AdaptiveRenderer:
             targets = replace(targets, xy=self.reconstruction.to_panel(targets.xy), footprint=scale * targets.footprint)
         self._traced = targets.event if targets is not None else self._traced
         return targets
+
+    def _replan(self, now: float) -> None:
+        """Score the pixels of the image that was refreshed anew; while nothing moves, in a share of the time at most.
+
+        Then samples keep the scores up to date where they come.
+        """
+        image, before = self.reconstruction, self.sampler
+        if isinstance(image, DynamicResolution):
+            self.sampler = self._sampler_of(image.current.rect)
+        if not image.nothing_moves or self.sampler is not before or now >= self._replan_due:
+            self.sampler.replan(image.feedback())
+            self._replan_due = now + (self._clock.now() - now) / SHARE_OF_STILL_TIME
 
     def _choose_rows(self) -> Targets | None:
         """The next batch, or while something moves a band of rows of it: a moment has its own camera."""

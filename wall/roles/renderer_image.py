@@ -17,6 +17,7 @@ from wall.roles.sample_budget import SampleBudget
 from wall.roles.updates import UpdatesShown
 from wall.roles.view import FollowedView
 
+SHARE_OF_STILL_TIME = 0.25  # likewise while nothing moves: rays make it better, and it is not seen to be late
 SHARE_OF_TIME = 0.9  # of a view's time at most spent on refreshes; rarer ones lag by more, see docs/lab/live.md
 
 
@@ -40,8 +41,10 @@ class OwnImage:
 
     def follow(self, event: Event) -> None:
         """Show a new event from the next refresh on; the manager repeats the newest, which changes nothing."""
-        before = self.view.event
-        if self.view.take(event):
+        before, view = self.view.event, self.view
+        if view.take(event):
+            if view.may_wait and before is not None and event.number != before.number:
+                view.due = min(view.due, view.soonest)  # it moves again
             self._composition.follow(event)
             self.rests = self.rests and event == before
             self._hasten()
@@ -69,6 +72,7 @@ class OwnImage:
         began = self._clock.now()
         before, self.expected = self.expected, view.begin_refresh(now)
         expected = self.expected
+        view.may_wait = before is not None and before.number == expected.number
         self._layer.reprojected.keep(self._budget.after(view.lateness))
         changed = self._composition.refresh(expected, now)
         self.rests = not changed and expected.number == view.event.number
@@ -77,7 +81,8 @@ class OwnImage:
         self.refreshing_s += took
         view.made(took)
         view.soonest = max(view.soonest, now + took / (SHARE_OF_TIME * share))
-        view.due = max(view.due, now + took / (SHARE_OF_TIME * share))
+        most = SHARE_OF_STILL_TIME if view.may_wait else SHARE_OF_TIME
+        view.due = max(view.due, now + took / (most * share))
         return True
 
     def _choose_resolution(self, *, still: bool) -> None:

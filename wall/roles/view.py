@@ -28,6 +28,7 @@ class FollowedView:
         self.quiet = False  # the last refresh was of the newest event, and changed nothing
         self.refreshes = 0
         self.soonest = -math.inf  # before, it is not refreshed, whatever was edited
+        self.may_wait = False  # the last refresh showed what the one before did: the next may come later than its turn
         self._began = -math.inf  # the last refresh
         self._hastened = False  # the next refresh was brought forward
         self._hastens = plan.layout.graph.sync == "none" and not plan.layout.config.barrier
@@ -56,7 +57,7 @@ class FollowedView:
         It is seen until the next one is: the middle of that time is where its error is least.
         """
         self.refreshes += 1
-        if now - self._began < LONGEST_INTERVAL_S:
+        if now - self._began < LONGEST_INTERVAL_S and not self.may_wait:
             self._interval += NEWEST_SHARE * (now - self._began - self._interval)
         self.due = max((now if self._hastened else self.due) + self.period, now)
         self.soonest = now + EARLY_APART_S if self._hastened else max(self.soonest, now)
