@@ -18,14 +18,14 @@ from wall.geometry.prediction import foreseen
 from wall.reconstruction.dynamic_resolution import DynamicResolution
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, make_predictor
-from wall.roles.renderer_image import OwnImage
+from wall.roles.renderer_image import SETTLED_S, OwnImage
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.base import Targets
 from wall.sampling.tiles import Measured
 from wall.scene.needs import needs
 
 SHARE_OF_TIME = 0.2  # at most spent on refreshing the renderer's deep buffer, which may lag behind the displayed one
-SHARE_OF_STILL_TIME = 0.1  # at most spent on scoring all pixels, while nothing moves
+SHARE_OF_STILL_TIME = 0.1  # at most spent on scoring all pixels, where nothing has moved for SETTLED_S
 SURELY_SHOWN = 2  # refreshes after an event, by when displays elsewhere show it too: they accumulate only from there on
 
 
@@ -61,7 +61,7 @@ class AdaptiveRenderer:
         self._shown, self._refreshes = shown, 0
         shown_hz = plan.layout.layer(region).refresh_hz or plan.view_of(panel).refresh_hz
         self._clock, self._interval = clock, 1.0 / shown_hz
-        self._replan_due = float("-inf")
+        self._replan_due = self._moved_at = float("-inf")
         self._due, self._rested = float("-inf"), 0  # refreshes since anything moved
         self._predictor = make_predictor(plan, panel.view)
         self._newest: Event | None = None
@@ -100,14 +100,15 @@ class AdaptiveRenderer:
         return targets
 
     def _replan(self, now: float) -> None:
-        """Score the pixels of the image that was refreshed anew; while nothing moves, in a share of the time at most.
+        """Score the pixels of the image that was refreshed anew.
 
-        Then samples keep the scores up to date where they come.
+        Where nothing moves for long, in a share of the time at most: samples keep scores up to date where they come.
         """
         image, before = self.reconstruction, self.sampler
         if isinstance(image, DynamicResolution):
             self.sampler = self._sampler_of(image.current.rect)
-        if not image.nothing_moves or self.sampler is not before or now >= self._replan_due:
+        self._moved_at = self._moved_at if image.nothing_moves else now
+        if now - self._moved_at < SETTLED_S or self.sampler is not before or now >= self._replan_due:
             self.sampler.replan(image.feedback())
             self._replan_due = now + (self._clock.now() - now) / SHARE_OF_STILL_TIME
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from wall.core.clock import Clock
@@ -17,7 +18,8 @@ from wall.roles.sample_budget import SampleBudget
 from wall.roles.updates import UpdatesShown
 from wall.roles.view import FollowedView
 
-SHARE_OF_STILL_TIME = 0.25  # likewise while nothing moves: rays make it better, and it is not seen to be late
+SHARE_OF_STILL_TIME = 0.25  # likewise where nothing has moved for SETTLED_S: rays make it better, and it cannot be late
+SETTLED_S = 1.0
 SHARE_OF_TIME = 0.9  # of a view's time at most spent on refreshes; rarer ones lag by more, see docs/lab/live.md
 
 
@@ -29,6 +31,7 @@ class OwnImage:
         self._layer: PanelCompositor = composition.layers[region.layer]
         self.view = FollowedView(plan, region.view)
         self.weight = plan.layout.config.views[region.view].weight
+        self._moved_at = -math.inf  # the last refresh that showed another event than the one before, seconds
         self._budget, self._resolution = SampleBudget(), ResolutionChoice(self._layer.panel)
         self.expected: Event | None = None  # what the last refresh shows
         self.refreshing_s = 0.0  # seconds spent on refreshes so far
@@ -72,7 +75,9 @@ class OwnImage:
         began = self._clock.now()
         before, self.expected = self.expected, view.begin_refresh(now)
         expected = self.expected
-        view.may_wait = before is not None and before.number == expected.number
+        if before is None or before.number != expected.number:
+            self._moved_at = now
+        view.may_wait = now - self._moved_at > SETTLED_S
         self._layer.reprojected.keep(self._budget.after(view.lateness))
         changed = self._composition.refresh(expected, now)
         self.rests = not changed and expected.number == view.event.number

@@ -28,7 +28,7 @@ class FollowedView:
         self.quiet = False  # the last refresh was of the newest event, and changed nothing
         self.refreshes = 0
         self.soonest = -math.inf  # before, it is not refreshed, whatever was edited
-        self.may_wait = False  # the last refresh showed what the one before did: the next may come later than its turn
+        self.may_wait = False  # nothing has moved for a while: the next refresh may come later than its turn
         self._began = -math.inf  # the last refresh
         self._hastened = False  # the next refresh was brought forward
         self._hastens = plan.layout.graph.sync == "none" and not plan.layout.config.barrier
