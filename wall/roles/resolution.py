@@ -5,7 +5,7 @@ from __future__ import annotations
 from wall.geometry.panels import Panel
 
 FIRST, FEWEST = 1 << 18, 1 << 16  # pixels at most of the first image, when no rate is known; and of the coarsest
-WINDOW_S = 0.5  # between two choices
+WINDOW_S, LEAST_REFRESHES = 0.5, 8  # between two choices; of jumps there are fewer in which the camera moves
 POOR, RICH = 0.8, 11.0  # samples a pixel and second while the camera moves: below, coarser is better; above, finer
 FEWER = 8.0  # times as many samples a pixel and second has an image of a quarter of the pixels: 7 to 8 were seen
 PATIENCE = 10  # windows in which what was too fine for the machine is not tried again
@@ -35,7 +35,7 @@ class ResolutionChoice:
     def __init__(self, panel: Panel) -> None:
         self._pixels, self._coarsest = panel.pixels[0] * panel.pixels[1], scale_for(panel, FEWEST)
         self.scale = self._moving = first_scale(panel)  # of now; while the camera moved last
-        self._began, self._samples = float("-inf"), 0  # of this window
+        self._began, self._samples, self._refreshes = float("-inf"), 0, 0  # of this window
         self._still, self._patience = False, 0
 
     def note(self, samples: int) -> None:
@@ -47,14 +47,14 @@ class ResolutionChoice:
 
         `still`: the camera stood in the refresh that ended at `now`, seconds; `stored`: samples that it is of.
         """
-        elapsed = now - self._began
+        elapsed, self._refreshes = now - self._began, self._refreshes + 1
         if still != self._still or self._began == float("-inf"):
             self._still = still
             self._begin(now, self.scale if still else self._moving)
-        elif elapsed >= WINDOW_S and not still:
+        elif elapsed >= WINDOW_S and not still and self._refreshes >= LEAST_REFRESHES:
             self._moving = self._of_moving(self._samples / elapsed)
             self._begin(now, self._moving)
-        elif elapsed >= WINDOW_S and self.scale > 1:
+        elif elapsed >= WINDOW_S and still and self.scale > 1:
             finer = 4.0 * self._pixels / self.scale**2
             if stored >= ENOUGH_STILL * finer or elapsed >= LONGEST_STILL_S:
                 self._begin(now, self.scale // 2)
@@ -68,4 +68,4 @@ class ResolutionChoice:
         return scale // 2 if rate > RICH and scale > 1 and self._patience == 0 else scale
 
     def _begin(self, now: float, scale: int) -> None:
-        self.scale, self._began, self._samples = scale, now, 0
+        self.scale, self._began, self._samples, self._refreshes = scale, now, 0, 0
