@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from running import write_config
+from srgb import display
 
 from wall.commands.render import render
 from wall.config.loading import load
-from wall.core.data import Float32
 from wall.roles.plan import Plan, aimed, make_layout
 from wall.run.single_process import SingleProcess
 from wall.scene.build import Scene
@@ -19,13 +19,6 @@ from wall.tracing.tracer_scene import make_tracer_scene
 RMSE = 0.01  # display values; a pixel ends at a standard error of 0.002 by its own first samples; measured 0.0078
 REFERENCE_SPP = 256
 SMALL = ("pixels: [64, 48]", "pixels: [32, 24]")  # a pixel on an edge takes 2,000 samples to half an 8-bit step
-
-
-def display(radiance: Float32) -> Float32:
-    """sRGB, 0..1; IEC 61966-2-1."""
-    clipped = np.clip(radiance, 0.0, 1.0)
-    shown: Float32 = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
-    return shown
 
 
 def plan_of(folder: Path, scene: Scene, *, tiling: str, **changes: object) -> Plan:

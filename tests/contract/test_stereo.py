@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from srgb import display
 
 from wall.commands.render import render
 from wall.config.loading import load
@@ -37,13 +38,6 @@ def plan_of(folder: Path, scene: Scene, method: str, *, eyes: int = 2) -> Plan:
     path.write_text(CONFIG.format(method=method, shown=shown if eyes == 2 else "pixels: [20, 15], size: [0.48, 0.36]"))
     layout = make_layout(load(path))
     return aimed(layout, scene)
-
-
-def display(radiance: Float32) -> Float32:
-    """sRGB, 0..1; IEC 61966-2-1."""
-    clipped = np.clip(radiance, 0.0, 1.0)
-    shown: Float32 = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
-    return shown
 
 
 def references(plan: Plan) -> list[Float32]:
