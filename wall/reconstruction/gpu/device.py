@@ -42,10 +42,11 @@ MOST_DEVICES = 16  # of EGL that are looked at
 _COMPUTE = (
     "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh",
     "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
-    "doubt", "cut_away",
+    "doubt", "cut_away", "splat", "collect", "accumulate",
 )  # fmt: skip
 _INTERPOLATING = ("expand", "resolve")  # read the coarser level
-_DRAWN = ("splat", "accumulate")
+_ADDING = ("splat", "accumulate")  # to sums of pixels
+_FLOAT_ATOMICS = "GL_NV_shader_atomic_float"  # of Mesa's drivers too
 _CONSTANTS: dict[str, int | np.float32] = {
     "GROUP": GROUP, "AGES": AGES, "AGE_SHIFT": AGE_SHIFT, "X": X, "Y": Y, "Z": Z, "DEPTH": DEPTH, "TIME": TIME,
     "CONFIDENCE": CONFIDENCE, "NORMAL": NORMAL, "VISIBILITY": VISIBILITY, "MOVED": MOVED, "CHANGED": CHANGED,
@@ -60,7 +61,7 @@ _CONSTANTS: dict[str, int | np.float32] = {
         )
     },
 }  # fmt: skip
-_BITS = {"NOWHERE": "0xffffffffu", "INFINITY_BITS": "0x7f800000u"}  # no slot; float32 infinity
+_WORDS = {"NOWHERE": "0xffffffffu", "INFINITY_BITS": "0x7f800000u", "SUMS": "0", "CHANNELS": "4u"}
 
 
 class GpuError(RunError):
@@ -74,14 +75,15 @@ class GpuError(RunError):
 class Device:
     """One context and its programs; to be used by the thread that made it."""
 
-    def __init__(self, context: Any) -> None:
+    def __init__(self, context: Any, *, float_atomics: bool = True) -> None:
+        """`float_atomics`: used where the driver has them."""
         self.context = context
         context.gc_mode = "context_gc"  # an image may be forgotten by another thread
         self.renderer = str(context.info["GL_RENDERER"])
         self.largest_buffer = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         self.largest_texture = int(context.info["GL_MAX_TEXTURE_SIZE"])
-        self._compute = {name: context.compute_shader(_source(name)) for name in _COMPUTE}
-        self._drawn = {name: self._vertices(name) for name in _DRAWN}
+        adds = float_atomics and _FLOAT_ATOMICS in context.extensions
+        self._compute = {name: context.compute_shader(_source(name, float_atomics=adds)) for name in _COMPUTE}
 
     @property
     def real(self) -> bool:
@@ -100,30 +102,11 @@ class Device:
         shader.run(min(groups, ROW), -(-groups // ROW))
         self.context.memory_barrier()
 
-    def draw(
-        self, name: str, target: Any, vertices: tuple[int, int], buffers: tuple[Any, ...], **uniforms: Any
-    ) -> None:
-        """Add points (first, count) to a frame buffer, in their order."""
-        vao = self._drawn[name]
-        for binding, buffer in enumerate(buffers):
-            buffer.bind_to_storage_buffer(binding)
-        _set(vao.program, uniforms)
-        context = self.context
-        target.use()
-        context.enable_only(context.BLEND | context.PROGRAM_POINT_SIZE)
-        context.blend_func = context.ONE, context.ONE
-        vao.render(mode=context.POINTS, first=vertices[0], vertices=vertices[1])
-        context.memory_barrier()
-
     def check(self) -> None:
         """Raise GpuError if anything has gone wrong since the last time."""
         error = self.context.error
         if error != "GL_NO_ERROR":
             raise GpuError(f"{self.renderer} reports {error}", wanted="a driver that goes on working")
-
-    def _vertices(self, name: str) -> Any:
-        stages = {f"{kind}_shader": _source(f"{name}.{kind[:4]}") for kind in ("vertex", "fragment")}
-        return self.context.vertex_array(self.context.program(**stages), [])
 
 
 def is_real(renderer: str) -> bool:
@@ -184,16 +167,19 @@ def _context(moderngl: Any, index: int) -> Any:
     )
 
 
-def _source(name: str) -> str:
+def _source(name: str, *, float_atomics: bool) -> str:
     """A shader's text: version, constants of the CPU's kernels, what is shared, its own."""
-    suffix = "" if "." in name else ".glsl"
-    values = {key: _literal(value) for key, value in _CONSTANTS.items()} | _BITS
+    values = {key: _literal(value) for key, value in _CONSTANTS.items()} | _WORDS
     defines = "".join(f"#define {key} {value}\n" for key, value in values.items())
-    parts = [] if suffix == "" else ["common.glsl"]
+    parts = ["common.glsl"]
     if name in _INTERPOLATING:
         parts.append("interpolate.glsl")
+    if name in _ADDING:
+        parts.append("add.glsl")
+        if float_atomics:
+            defines = f"#extension {_FLOAT_ATOMICS} : require\n#define FLOAT_ATOMICS\n{defines}"
     folder = files(__package__) / "shaders"
-    body = "".join((folder / part).read_text(encoding="utf-8") for part in [*parts, name + suffix])
+    body = "".join((folder / part).read_text(encoding="utf-8") for part in [*parts, f"{name}.glsl"])
     return f"#version {VERSION}\n{defines}{body}"
 
 

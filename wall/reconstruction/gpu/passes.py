@@ -11,7 +11,7 @@ from wall.core.colour import srgb_curve
 from wall.core.data import Float32
 from wall.deepbuffer.kernels.change import TRUSTED
 from wall.deepbuffer.kernels.columns import COUNT
-from wall.reconstruction.gpu.device import OBJECT_WORDS, Device, GpuError
+from wall.reconstruction.gpu.device import GROUP, OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.store import GpuStore, reserve
 from wall.reconstruction.kernels.visibility import Behind
 from wall.reconstruction.pyramid import pyramid_sizes
@@ -40,25 +40,27 @@ class Passes:
         self._bounds = reserve(device, 3 * self._area)
         self._resolved, self._shown = reserve(device, 3 * self._area), reserve(device, 3 * self._area)
         self._curve = device.context.buffer(srgb_curve().astype(np.uint32))
-        self._codes = reserve(device, 3 * -(-self._area // PIXELS_A_DISPLAY_ITEM))
+        words = 3 * -(-self._area // PIXELS_A_DISPLAY_ITEM)
+        self._codes, self._codes_read = reserve(device, words), reserve(device, words)
         self._changes = reserve(device, 1)
-        self._splat_sums, self._splat_target = self._canvas(width + 2, height + 2)
-        self._accumulation, self._accumulation_target = self._canvas(width, height)
-        self._batch, self._batch_target = self._canvas(width, height)
+        self._sums = reserve(device, CHANNELS * (width + 2) * (height + 2))  # zero but for while samples are added
+        self._sums.clear()
+        self._splat_sums, self._accumulation = self._texture(width + 2, height + 2), self._texture(width, height)
+        self._accumulation_target = device.context.framebuffer([self._accumulation])
         self._levels = [self._texture(columns, rows) for rows, columns in pyramid_sizes(height, width)]
+        self.clear_accumulation()
+        self._collect()
         self._over_pixels(clear=1, contradicted=1)
 
     def accumulate(self, store: GpuStore, first: int, n: int) -> None:
         """Let pixels accumulate the `n` samples from slot `first` on."""
-        buffers = (store.arrays["screen_position"], store.arrays["radiance"])
+        buffers = (self._sums, store.arrays["screen_position"], store.arrays["radiance"])
+        self._accumulation.use(0)
+        self._accumulation.bind_to_image(0, read=True, write=True)
         for start in range(first, first + n, LARGEST_MERGE):
             part = min(LARGEST_MERGE, first + n - start)
-            self._batch_target.clear()
-            self._accumulation.use(0)
-            self._device.draw("accumulate", self._batch_target, (start, part), buffers, size=self._size)
-            self._accumulation.bind_to_image(0, read=True, write=True)
-            self._batch.use(0)
-            self._device.compute("merge", self._area, ())
+            self._device.compute("accumulate", part, buffers, first=start, size=self._size)
+            self._device.compute("merge", self._area, (self._sums,))
 
     def reject(self, store: GpuStore, first: int, change: Float32, ordinal: int) -> None:
         """Mark what new samples contradict: `change` (n,) of those from slot `first` on."""
@@ -105,12 +107,12 @@ class Passes:
         self._device.compute("bound_depths", self._area, bounded, size=self._size, behind_own=behind.own)
         if evicts:
             store.limit_age(now, kept)
-        self._splat_target.clear()
         if store.count:
             self._splat(
                 store, now=now, young=young, evicts=int(evicts), size=self._size,
                 behind_own=behind.own, behind_other=behind.other,
             )  # fmt: skip
+        self._collect()
         self._fill()
 
     def find_nearest(self, store: GpuStore, table: Float32) -> None:
@@ -139,8 +141,13 @@ class Passes:
         a, screen = store.arrays, store.arrays["screen_position"]
         weighed = (a["state"], screen, store.weight, self._nearest, self._bounds, store.ages, a["object_id"])
         self._device.compute("weigh", store.count, weighed, **uniforms)
-        drawn = (screen, a["radiance"], store.weight, self._bounds)
-        self._device.draw("splat", self._splat_target, (0, store.count), drawn, size=self._size)
+        added = (self._sums, screen, a["radiance"], store.weight, self._bounds)
+        self._device.compute("splat", store.count, added, groups=-(-CHANNELS * store.count // GROUP), size=self._size)
+
+    def _collect(self) -> None:
+        width, height = self._splat_sums.size
+        self._splat_sums.bind_to_image(0, read=False, write=True)
+        self._device.compute("collect", width * height, (self._sums,))
 
     def _fill(self) -> None:
         run, fine, border, trusted = self._device.compute, self._splat_sums, 1, TRUSTED
@@ -167,7 +174,10 @@ class Passes:
         """(h, w, 3) uint8, written: the image times `gain` as sRGB."""
         items, values = -(-self._area // PIXELS_A_DISPLAY_ITEM), 3 * self._area
         self._device.compute("display", items, (self._shown, self._curve, self._codes), values=values, gain=gain)
-        self._codes.read_into(rgb, size=values)
+        context = self._device.context
+        context.copy_buffer(self._codes_read, self._codes)  # drivers keep what is read in the memory of the CPU: no
+        context.finish()  # shader is to write there, and to wait first takes less time than to read at once
+        self._codes_read.read_into(rgb, size=values)
 
     def read_accumulation(self, accumulation: Float32) -> None:
         """(h, w, 8) float32, means and counts written."""
@@ -198,9 +208,3 @@ class Passes:
         texture = self._device.context.texture((width, height), CHANNELS, dtype="f4")
         texture.filter = self._device.context.NEAREST, self._device.context.NEAREST
         return texture
-
-    def _canvas(self, width: int, height: int) -> tuple[Any, Any]:
-        texture = self._texture(width, height)
-        canvas = self._device.context.framebuffer([texture])
-        canvas.clear()
-        return texture, canvas

@@ -1,11 +1,14 @@
-// Merge the sums of new samples into the accumulated means of their pixels; running sums would drift.
+// Merge the sums of new samples into the accumulated means of their pixels, and clear them; running sums would drift.
+layout(std430, binding = 0) buffer Sums { vec4 sums[]; };  // of differences from that mean, and how many
 layout(rgba32f, binding = 0) uniform image2D accumulation;  // mean radiance, count
-layout(binding = 0) uniform sampler2D batch;  // sums of differences from that mean, and how many
 
 void main() {
     uint p = item();
-    if (p >= count) return;
-    ivec2 at = ivec2(int(p) % imageSize(accumulation).x, int(p) / imageSize(accumulation).x);
-    vec4 sums = texelFetch(batch, at, 0), own = imageLoad(accumulation, at);
-    if (sums.w > 0.0) imageStore(accumulation, at, vec4(own.rgb + sums.rgb / (own.w + sums.w), own.w + sums.w));
+    if (p >= count || !(sums[p].w > 0.0)) return;
+    int width = imageSize(accumulation).x;
+    ivec2 at = ivec2(int(p) % width, int(p) / width);
+    vec4 own = imageLoad(accumulation, at), all = vec4(own.rgb, own.w + sums[p].w);
+    all.rgb += sums[p].rgb / all.w;
+    imageStore(accumulation, at, all);
+    sums[p] = vec4(0.0);
 }
