@@ -23,6 +23,8 @@ FARTHEST = 0.05  # or by this share of its depth where pixels are large
 NEAREST_BEHIND = 1e-4  # but by no less, since depths are float32
 TOUCHING = 0.1  # times that where the nearer one is of another object, which may touch but mostly does not go on
 LISTED = 64  # samples at a time
+CHUNK = 128  # samples that are weighed together; of reproject.BLOCK a part
+TESTED = 64  # samples that are tested together
 COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
 AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # pixels: so do n whose mean lies within AMIDST + ALONE / n
 SLOT = np.float32(6.0)  # pixels of 3x3 that show nearer samples: with fewer, a pixel showing the deeper one is a gap,
@@ -210,38 +212,6 @@ def extremes(a, b, c, low, d, e, f, high):
         high[j] = max(d[j], max(e[j], f[j]))
 
 
-@inline_kernel
-def hidden(x, y, z, object_id, nearest, ratios):
-    """Whether nearer samples cover the position of one.
-
-    Some lies within COVERS, or all of 3x3 pixels show nearer ones, or it lies amidst those that do. Beside a silhouette
-    all nearer samples lie on one side, so that their mean is far: counting them alone would let silhouettes grow by
-    half a pixel. Sums of zeros and ones, since branches here are guesses: it is 3 times as fast.
-
-    object_id : float32; nearest : (h, w, 4) float32, see PixelHistory; ratios : Behind
-    """
-    top, bottom = max(np.int32(y) - 1, 0), min(np.int32(y) + 2, nearest.shape[0])
-    left, right = max(np.int32(x) - 1, 0), min(np.int32(x) + 2, nearest.shape[1])
-    covers, count, across, down, empty = ZERO, ZERO, ZERO, ZERO, ZERO
-    for m in range(top, bottom):
-        for n in range(left, right):
-            i, j = uint32(m), uint32(n)  # unsigned: no test whether it counts from the end
-            dx, dy = nearest[i, j, NEAREST_X] - x, nearest[i, j, NEAREST_Y] - y
-            ratio = ratios.own if nearest[i, j, NEAREST_OBJECT] == object_id else ratios.other
-            nearer = ONE if nearest[i, j, NEAREST_DEPTH] * ratio < z else ZERO
-            count += nearer
-            empty += ONE if nearest[i, j, NEAREST_OBJECT] < ZERO else ZERO
-            across += nearer * dx
-            down += nearer * dy
-            covers += nearer if dx * dx + dy * dy < COVERS else ZERO
-    i, j = uint32(y), uint32(x)
-    ratio = ratios.own if nearest[i, j, NEAREST_OBJECT] == object_id else ratios.other
-    own = nearest[i, j, NEAREST_DEPTH] * ratio < z
-    reach = AMIDST * count + ALONE
-    amidst = (count > ZERO) & (across * across + down * down < reach * reach) & ((count >= SLOT - EMPTY * empty) | own)
-    return (covers > ZERO) | amidst | (count >= np.float32((bottom - top) * (right - left)))
-
-
 @kernel
 def weigh(store, first, last, nearest, ratios, bounds, now, young, weight, untested):
     """Weigh the samples first to last - 1: confidence reduced by age; nothing where they are hidden or outside.
@@ -251,36 +221,150 @@ def weigh(store, first, last, nearest, ratios, bounds, now, young, weight, untes
 
     Parameters
     ----------
-    store : SampleStore; rejected samples get depth OUTSIDE and no confidence; first, last : int
+    store : SampleStore; rejected samples get depth OUTSIDE and no confidence
+    first, last : int, `first` a multiple of CHUNK
     nearest, ratios, bounds : see PixelHistory, Behind and bound_depths
     now, young : float32 seconds of the store's clock
     weight : (capacity,) float32, written
     untested : (capacity,) uint32, scratch from `first` on: samples whose visibility needs a test
     """
-    screen, times, confidence, objects = store.screen_position, store.time, store.confidence, store.object_id
-    shown, closer = nearest.reshape(-1), ratios.own / ratios.other
-    bound, decay = bounds[CONSERVATIVE_DEPTH].reshape(-1), bounds[DECAY].reshape(-1)
-    width, tests = uint32(bounds.shape[2]), uint32(first)
-    for k in range(uint32(first), uint32(last)):  # no branches
-        z = screen[DEPTH, k]
-        inside = z > ZERO
-        i = uint32(screen[Y, k] if inside else ZERO) * width + uint32(screen[X, k] if inside else ZERO)
-        age = now - times[k]
-        a = max(age, ZERO) * decay[i]
-        w = confidence[k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
-        weight[k] = w if inside else ZERO
-        other = shown[uint32(4) * i + uint32(NEAREST_OBJECT)] != np.float32(objects[k])
-        untested[tests] = uint32(k)
-        tests += uint32(1) if inside & (age > young) & (z * (closer if other else ONE) > bound[i]) else uint32(0)
-    for n in range(uint32(first), tests):  # in a loop of their own the tests overlap
-        k = untested[n]
-        weight[k] *= (
-            ZERO
-            if hidden(screen[X, k], screen[Y, k], screen[DEPTH, k], np.float32(objects[k]), nearest, ratios)
-            else ONE
-        )
+    screen, times, confidence = store.screen_position, store.time, store.confidence
+    tests = weigh_by_age(store, first, last, nearest, ratios, bounds, now, young, weight, untested)
+    reject_hidden(store, untested[first:tests], nearest, ratios, weight)
     for n in range(uint32(first), tests):
         k = untested[n]
         if weight[k] == ZERO and now - times[k] >= WAIT_S:
             screen[DEPTH, k] = OUTSIDE
             confidence[k] = ZERO
+
+
+@kernel
+def weigh_by_age(store, first, last, nearest, ratios, bounds, now, young, weight, untested):
+    """Weigh samples as if all were visible, and list those that may not be; see weigh.
+
+    In chunks: what pixels say is looked up sample by sample, all else is vector code.
+
+    Returns
+    -------
+    end : uint32, of the list in `untested`, which begins at `first`
+    """
+    screen, times, confidence, objects = store.screen_position, store.time, store.confidence, store.object_id
+    shown, closer = nearest.reshape(-1), ratios.own / ratios.other
+    bounds_of, decay_of = bounds[CONSERVATIVE_DEPTH].reshape(-1), bounds[DECAY].reshape(-1)
+    width, tests = uint32(bounds.shape[2]), uint32(first)
+    pixel, doubtful = np.empty(CHUNK, np.uint32), np.empty(CHUNK, np.uint8)
+    bound, decay, other = np.empty(CHUNK, np.float32), np.empty(CHUNK, np.float32), np.empty(CHUNK, np.float32)
+    for start in range(first, last, CHUNK):
+        end = min(start + CHUNK, last)
+        x, y, depth = screen[X, start:end], screen[Y, start:end], screen[DEPTH, start:end]
+        time, trust, own, out = times[start:end], confidence[start:end], objects[start:end], weight[start:end]
+        for k in range(end - start):
+            inside = depth[k] > ZERO
+            row, column = np.int32(y[k] if inside else ZERO), np.int32(x[k] if inside else ZERO)
+            pixel[k] = uint32(row) * width + uint32(column)
+        for k in range(end - start):
+            i = pixel[k]
+            bound[k], decay[k] = bounds_of[i], decay_of[i]
+            other[k] = shown[uint32(4) * i + uint32(NEAREST_OBJECT)]
+        some = uint32(0)
+        for k in range(end - start):
+            z, age = depth[k], now - time[k]
+            inside = z > ZERO
+            a = max(age, ZERO) * decay[k]
+            w = trust[k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
+            out[k] = w if inside else ZERO
+            near = z * (closer if other[k] != np.float32(own[k]) else ONE)
+            doubtful[k] = np.uint8(inside & (age > young) & (near > bound[k]))
+            some += uint32(doubtful[k])
+        if some > 0:
+            for k in range(end - start):  # no branches
+                untested[tests] = uint32(start + k)
+                tests += uint32(doubtful[k])
+    return tests
+
+
+@kernel
+def reject_hidden(store, untested, nearest, ratios, weight):
+    """Take the weight of the samples whose position nearer ones cover.
+
+    Some lies within COVERS, or all of 3x3 pixels show nearer ones, or it lies amidst those that do. Beside a silhouette
+    all nearer samples lie on one side, so that their mean is far: counting them alone would let silhouettes grow by
+    half a pixel. What the 3x3 pixels show is copied for a chunk of samples first; then all is vector code, sums of
+    zeros and ones in place of branches, which would be guesses.
+
+    store : SampleStore; untested : (n,) uint32, indices of samples; nearest : (h, w, 4) float32, see PixelHistory
+    ratios : Behind; weight : (capacity,) float32, updated
+    """
+    screen, objects = store.screen_position, store.object_id
+    flat, height, width = nearest.reshape(-1), nearest.shape[0], nearest.shape[1]
+    around = np.empty((9, 4 * TESTED), np.float32)  # of each of 3x3 pixels: depth, x, y, object, for sample by sample
+    x, y, z = np.empty(TESTED, np.float32), np.empty(TESTED, np.float32), np.empty(TESTED, np.float32)
+    own, pixels = np.empty(TESTED, np.float32), np.empty(TESTED, np.float32)
+    count, empty, covered = np.empty(TESTED, np.float32), np.empty(TESTED, np.float32), np.empty(TESTED, np.float32)
+    across, down, shows = np.empty(TESTED, np.float32), np.empty(TESTED, np.float32), np.empty(TESTED, np.float32)
+    for start in range(0, len(untested), TESTED):
+        length = min(TESTED, len(untested) - start)
+        for n in range(length):
+            k = untested[start + n]
+            x[n], y[n], z[n] = screen[X, k], screen[Y, k], screen[DEPTH, k]
+            own[n] = np.float32(objects[k])
+            pixels[n] = copy_around(flat, height, width, np.int64(y[n]), np.int64(x[n]), around, uint32(4 * n))
+        count[:] = ZERO
+        empty[:] = ZERO
+        across[:] = ZERO
+        down[:] = ZERO
+        covered[:] = ZERO
+        for m in range(9):
+            other = around[m]
+            for n in range(length):
+                dx, dy = other[4 * n + NEAREST_X] - x[n], other[4 * n + NEAREST_Y] - y[n]
+                ratio = ratios.own if other[4 * n + NEAREST_OBJECT] == own[n] else ratios.other
+                nearer = ONE if other[4 * n + NEAREST_DEPTH] * ratio < z[n] else ZERO
+                count[n] += nearer
+                empty[n] += ONE if other[4 * n + NEAREST_OBJECT] < ZERO else ZERO
+                across[n] += nearer * dx
+                down[n] += nearer * dy
+                covered[n] += nearer if dx * dx + dy * dy < COVERS else ZERO
+        for n in range(length):  # the sample's own pixel
+            ratio = ratios.own if around[4, 4 * n + NEAREST_OBJECT] == own[n] else ratios.other
+            shows[n] = ONE if around[4, 4 * n + NEAREST_DEPTH] * ratio < z[n] else ZERO
+        for n in range(length):
+            reach = AMIDST * count[n] + ALONE
+            near = across[n] * across[n] + down[n] * down[n] < reach * reach
+            amidst = (count[n] > ZERO) & near & ((count[n] >= SLOT - EMPTY * empty[n]) | (shows[n] > ZERO))
+            covered[n] = ZERO if (covered[n] > ZERO) | amidst | (count[n] >= pixels[n]) else ONE
+        for n in range(length):
+            weight[untested[start + n]] *= covered[n]
+
+
+@inline_kernel
+def copy_around(flat, height, width, i, j, around, at):
+    """Copy what the 3x3 pixels about (i, j) show, beyond the image something infinitely far; returns how many there are.
+
+    flat : (4 h w,) float32; height, width : int; around : (9, 4 n) float32, written from column `at` on
+    """
+    if (i > 0) & (j > 0) & (i < height - 1) & (j < width - 1):
+        for m in range(3):
+            k = uint32(4) * (uint32(i - 1 + m) * uint32(width) + uint32(j - 1))
+            copy_pixel(flat, k, around[3 * m], at)
+            copy_pixel(flat, k + uint32(4), around[3 * m + 1], at)
+            copy_pixel(flat, k + uint32(8), around[3 * m + 2], at)
+        return np.float32(9.0)
+    inside = ZERO
+    for m in range(3):
+        for n in range(3):
+            row, column, out = i - 1 + m, j - 1 + n, around[3 * m + n]
+            if (row >= 0) & (column >= 0) & (row < height) & (column < width):
+                copy_pixel(flat, uint32(4) * (uint32(row) * uint32(width) + uint32(column)), out, at)
+                inside += ONE
+            else:
+                out[at + uint32(NEAREST_DEPTH)] = INFINITE
+                out[at + uint32(NEAREST_X)] = out[at + uint32(NEAREST_Y)] = out[at + uint32(NEAREST_OBJECT)] = ZERO
+    return inside
+
+
+@inline_kernel
+def copy_pixel(source, i, out, at):
+    """Copy four numbers, all read before any is written, so that they become a vector."""
+    a, b, c, d = source[i], source[i + uint32(1)], source[i + uint32(2)], source[i + uint32(3)]
+    out[at], out[at + uint32(1)], out[at + uint32(2)], out[at + uint32(3)] = a, b, c, d
