@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from numpy.testing import assert_array_equal
 from small_scenes import instance, keyframes, quad, view
 
 from wall.core.data import Event, Float32, Samples
+from wall.deepbuffer.store import SampleStore
+from wall.reconstruction.kernels.bands import Band, join_lists, list_bands
 from wall.reconstruction.kernels.splat import splat
-from wall.reconstruction.kernels.visibility import Band, find_nearest
+from wall.reconstruction.kernels.visibility import find_nearest
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.build import assemble
 from wall.scene.model import Instance, Material, PointLight, Source
@@ -100,3 +103,27 @@ def test_a_band_writes_its_own_rows_alone(batches: list[Samples], compiled_only:
         inside[rows] = True
         assert (written[~inside] == 7.0).all()
         assert (written[inside] != 7.0).any(axis=(1, 2)).all()
+
+
+@pytest.mark.parametrize("ordered", [True, False])
+@pytest.mark.parametrize("edges", [(0, 101), (0, 16, 101), (0, 16, 32, 48, 96, 101)])
+def test_each_band_lists_the_samples_of_its_rows_and_of_the_row_beside_in_their_order(
+    random_numbers: np.random.Generator, edges: tuple[int, ...], ordered: bool
+) -> None:
+    """Twelve samples a row, those of one in ten rows outside the image, by ranges of 256; an end cuts a run short."""
+    count = 1200
+    store = SampleStore.of(2048, lit=False)
+    rows = (random_numbers.random(count) * 101).astype(np.float32)
+    store.screen_position[1, :count] = np.sort(rows) if ordered else rows
+    store.screen_position[2, :count] = np.where(store.screen_position[1, :count] % 10 < 1, -1.0, 1.0)
+    indices = np.zeros((len(edges) - 1, 2048), np.uint32)
+    firsts, listed = np.arange(0, count, 256), []
+    for first in firsts:
+        listed.append(np.zeros(len(edges) - 1, np.int64))
+        list_bands(store, first, min(first + 256, count), np.array(edges), indices, listed[-1])
+
+    for band, (top, bottom) in enumerate(pairwise(edges)):
+        found = join_lists(indices[band], firsts, np.array([own[band] for own in listed]))
+        row, inside = np.floor(store.screen_position[1, :count]), store.screen_position[2, :count] > 0.0
+        wanted = np.flatnonzero(inside & (row >= top - 1) & (row <= bottom))
+        assert_array_equal(indices[band, :found], wanted)

@@ -5,7 +5,7 @@ Indices are unsigned: no test whether they count from the end.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,6 @@ STEEPEST = 16.0  # pixels in depth for one across, 86 degrees: what is deeper wi
 FARTHEST = 0.05  # or by this share of its depth where pixels are large
 NEAREST_BEHIND = 1e-4  # but by no less, since depths are float32
 TOUCHING = 0.1  # times that where the nearer one is of another object, which may touch but mostly does not go on
-LISTED = 64  # samples at a time
 CHUNK = 128  # samples that are weighed together; of reproject.BLOCK a part
 TESTED = 64  # samples that are tested together
 COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
@@ -37,15 +36,6 @@ CONSERVATIVE_DEPTH, DECAY, SHARPNESS = 0, 1, 2  # planes of bounds
 SLOWEST = np.float32(0.3)  # factor of decay where samples are few: there are no better ones
 
 
-class Band(NamedTuple):
-    """Rows of an image, and the samples that show in them and in the row on either side."""
-
-    top: int
-    bottom: int  # the row below the last
-    indices: Any  # (listed,) uint32 or more, into the store, in its order
-    listed: int  # of them
-
-
 class Behind(NamedTuple):
     """Ratios of depths from which a sample counts as behind a nearer one, float32."""
 
@@ -57,37 +47,6 @@ def behind(pixel: float) -> Behind:
     """The ratios where a pixel's edge is `pixel` times its distance; see Pose.pixel."""
     least = max(min(STEEPEST * pixel, FARTHEST), NEAREST_BEHIND)
     return Behind(np.float32(1.0 + least), np.float32(1.0 + TOUCHING * least))
-
-
-@kernel
-def list_rows(store, count, top, bottom, indices):
-    """List the samples of the image that lie in rows top to bottom - 1 of pixels, in the order of the store.
-
-    store : SampleStore; count : int, samples stored; indices : (count,) uint32 or more, written
-
-    Returns
-    -------
-    listed : int, samples
-    """
-    screen, inside = store.screen_position, np.zeros(LISTED, np.uint8)
-    first, end, listed = np.float32(top), np.float32(bottom), 0
-    for start in range(0, count, LISTED):
-        length = min(LISTED, count - start)
-        y, depth = screen[Y, start : start + length], screen[DEPTH, start : start + length]
-        some = uint32(0)
-        for k in range(length):
-            inside[k] = np.uint8((depth[k] > ZERO) & (y[k] >= first) & (y[k] < end))
-            some += uint32(inside[k])
-        if some == length:  # as often as none: samples are sorted
-            out = indices[listed : listed + length]
-            for k in range(length):
-                out[k] = uint32(start + k)
-            listed += length
-        elif some > 0:
-            for k in range(length):  # no branches
-                indices[listed] = uint32(start + k)
-                listed += np.int64(inside[k])
-    return listed
 
 
 @kernel
@@ -339,7 +298,7 @@ def reject_hidden(store, untested, nearest, ratios, weight):
 
 @inline_kernel
 def copy_around(flat, height, width, i, j, around, at):
-    """Copy what the 3x3 pixels about (i, j) show, beyond the image something infinitely far; returns how many there are.
+    """Copy what the 3x3 pixels about (i, j) show, beyond the image something far away; returns how many are in it.
 
     flat : (4 h w,) float32; height, width : int; around : (9, 4 n) float32, written from column `at` on
     """
