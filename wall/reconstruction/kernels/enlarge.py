@@ -64,7 +64,7 @@ def enlarge_codes(small, row, row_share, first, second, share, dirty, rgb):
     dirty : (rows, columns) bool, tiles of `rgb`
     rgb : (H, 3 W) uint8, written
     """
-    line, edge = np.empty(small.shape[1], np.float32), 3 * TILE
+    wide, edge = np.empty((2, rgb.shape[1]), np.float32), 3 * TILE  # two rows of `small`, as wide as `rgb`
     for tile in range(dirty.shape[0]):
         start = 0
         while start < dirty.shape[1]:
@@ -73,14 +73,25 @@ def enlarge_codes(small, row, row_share, first, second, share, dirty, rgb):
                 end += 1
             left, right = start * edge, min(end * edge, rgb.shape[1])
             i, j, g = first[left:right], second[left:right], share[left:right]
+            held = np.full(2, -1)  # the rows of `small`, that is row k in wide[k % 2]
             for y in range(tile * TILE, min((tile + 1) * TILE, rgb.shape[0]) if dirty[tile, start] else 0):
-                upper, lower, f, out = small[row[y, 0]], small[row[y, 1]], row_share[y], rgb[y, left:right]
-                for k in range(first[left], second[right - 1] + 1):
-                    line[k] = np.float32(upper[k]) + f * (np.float32(lower[k]) - np.float32(upper[k]))
+                for side in range(2):
+                    k = row[y, side]
+                    if held[k % 2] != k:
+                        held[k % 2] = k
+                        widen(small[k], i, j, g, wide[k % 2])
+                upper, lower, f, out = wide[row[y, 0] % 2], wide[row[y, 1] % 2], row_share[y], rgb[y, left:right]
                 for k in range(right - left):
-                    a, b = line[uint32(i[k])], line[uint32(j[k])]
-                    out[k] = np.uint8(np.int32(a + g[k] * (b - a) + HALF))
+                    out[k] = np.uint8(np.int32(upper[k] + f * (lower[k] - upper[k]) + HALF))
             start = end
+
+
+@inline_kernel
+def widen(line, first, second, share, wide):
+    """Enlarge a part of a row of codes, (3 w,) uint8: each value between two, see enlarge_codes. wide : written"""
+    for k in range(len(first)):
+        a, b = np.float32(line[uint32(first[k])]), np.float32(line[uint32(second[k])])
+        wide[k] = a + share[k] * (b - a)
 
 
 @kernel
