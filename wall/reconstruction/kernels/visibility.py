@@ -112,7 +112,7 @@ def bound_depths(nearest, ratio, moved, decay, silhouette, density, tiles, bound
     low, high, moves = np.empty(width + 2, np.float32), np.empty(width + 2, np.float32), np.empty(width + 2, np.float32)
     slow, dense = np.empty(tiles.shape[1] * TILE, np.float32), np.empty(width, np.float32)
     all_move = moved[1:].all()  # as the camera does, but for the sky when it only slides
-    copied = -1
+    copied = row_of_tiles = -1
     for i in range(top, bottom):  # few arrays a loop: all are vector code
         if not (tiles[max(i - REACH, 0) // TILE].any() | tiles[min(i + REACH, height - 1) // TILE].any()):
             continue
@@ -126,8 +126,10 @@ def bound_depths(nearest, ratio, moved, decay, silhouette, density, tiles, bound
         row = weights[4 * (i + 1) * (width + 2) + 4 :]
         for j in range(width):
             dense[j] = row[4 * j + 3] * (ONE / DENSE)
-        for column in range(tiles.shape[1]):
-            slow[column * TILE : (column + 1) * TILE] = decay[i // TILE, column]
+        if i // TILE != row_of_tiles:
+            row_of_tiles = i // TILE
+            for j in range(len(slow)):
+                slow[j] = decay[row_of_tiles, j // TILE]
         bound, decays, sharpness = bounds[CONSERVATIVE_DEPTH, i], bounds[DECAY, i], bounds[SHARPNESS, i]
         for j in range(width):
             bound[j] = min(low[j], min(low[j + 1], low[j + 2])) * ratio
