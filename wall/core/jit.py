@@ -39,6 +39,7 @@ LONGEST_WAIT_S = 5.0  # for a thread that compiles, at the end of a process
 
 # of all kernels; C calls none of them
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
+STRICT = {"fastmath": False}  # IEEE 754 to the letter
 
 
 def _leave_scipy_out() -> None:
@@ -83,6 +84,14 @@ def bit_kernel(function: Callable[..., Any]) -> Any:
     return compiled
 
 
+def strict_kernel(function: Callable[..., Any]) -> Any:
+    """A kernel that rounds every product and every sum, as written: the same bits however often it is specialised.
+
+    Others fuse a product with the sum that it is added to, and which of two products depends on the code around.
+    """
+    return _compiled(function, **STRICT)
+
+
 class _Settings(Listener):
     """While a kernel is compiled: no vectors of neighbours (SLP) in a bit_kernel, and fewer garbage collections."""
 
@@ -105,13 +114,18 @@ class _Settings(Listener):
 register("numba:compile", _Settings())  # type: ignore[no-untyped-call]
 
 
-def inline_kernel(function: Callable[..., Any]) -> Any:
+def strict_inline_kernel(function: Callable[..., Any]) -> Any:
+    """An inline_kernel for strict kernels."""
+    return inline_kernel(function, **STRICT)
+
+
+def inline_kernel(function: Callable[..., Any], **options: Any) -> Any:
     """A small kernel that only other kernels call: always inlined; it must not allocate either.
 
     Without numba's runtime (`_nrt`) no references are counted: otherwise every array that is handed on costs two atomic
     additions a call, 5 ns each, some 250 of them for a packet of 16 rays.
     """
-    compiled = _compiled(function, forceinline=True, _nrt=False, no_cpython_wrapper=True)
+    compiled = _compiled(function, forceinline=True, _nrt=False, no_cpython_wrapper=True, **options)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         compiled._insert = lambda *_: None  # of what Python may call: without a wrapper nothing
         compiled._compile_for_args = lambda *_: _from_python(function)
@@ -132,7 +146,7 @@ def c_callback(signature: Any, function: Callable[..., Any]) -> Any:
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     _choose_cache(function)
-    compiled = numba.njit(cache=True, **OPTIONS, **options)(function)
+    compiled = numba.njit(cache=True, **(OPTIONS | options))(function)
     _kernels.append(compiled)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         cache = compiled._cache

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.jit import inline_kernel, kernel
+from wall.core.jit import kernel, strict_inline_kernel, strict_kernel
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import COUNT, IRRADIANCE, SQRT_IRRADIANCE, WEIGHT, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
@@ -17,7 +17,7 @@ uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
-@kernel
+@strict_kernel  # bands and whole images are specialisations of it, and have the same bits
 def splat(store, weight, count, bounds, tiles, sums, irradiance, band):
     """Splat samples: each spreads over the four nearest pixel centres by a tent, or a steeper one.
 
@@ -79,7 +79,7 @@ def splat(store, weight, count, bounds, tiles, sums, irradiance, band):
             add_two(flat, at + row, red, green, blue, w10, w11)
 
 
-@inline_kernel
+@strict_inline_kernel
 def add_two(flat, i, red, green, blue, u, v):
     """Add to two neighbours: eight numbers in a row, all read before any is written, so that they become vectors."""
     a, b, c, d = flat[i], flat[i + uint32(1)], flat[i + uint32(2)], flat[i + uint32(3)]
