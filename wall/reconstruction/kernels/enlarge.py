@@ -39,16 +39,34 @@ def interpolate(source, row, row_share, column, column_share, dirty, out):
     dirty : (rows, columns) bool, tiles of `out`
     out : (H, W, c) float32, written
     """
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            if not dirty[i // TILE, j // TILE]:
+    channels = out.shape[2]
+    wide, large = np.empty((2, out.shape[1] * channels), np.float32), out.reshape(out.shape[0], -1)
+    for tile in range(dirty.shape[0]):
+        for start in range(dirty.shape[1]):
+            if not dirty[tile, start]:
                 continue
-            a, b, c, d = row[i, 0], row[i, 1], column[j, 0], column[j, 1]
-            down, right = row_share[i], column_share[j]
-            for k in range(out.shape[2]):
-                upper = (ONE - right) * source[a, c, k] + right * source[a, d, k]
-                lower = (ONE - right) * source[b, c, k] + right * source[b, d, k]
-                out[i, j, k] = (ONE - down) * upper + down * lower
+            left, right = start * TILE, min((start + 1) * TILE, out.shape[1])
+            held = np.full(2, -1)  # the rows of `source`, that is row k in wide[k % 2]
+            for y in range(tile * TILE, min((tile + 1) * TILE, out.shape[0])):
+                for side in range(2):
+                    k = row[y, side]
+                    if held[k % 2] != k:
+                        held[k % 2] = k
+                        widen_pixels(source[k], column[left:right], column_share[left:right], wide[k % 2])
+                upper, lower, f = wide[row[y, 0] % 2], wide[row[y, 1] % 2], row_share[y]
+                values = large[y, left * channels : right * channels]
+                for n in range(len(values)):
+                    values[n] = (ONE - f) * upper[n] + f * lower[n]
+
+
+@inline_kernel
+def widen_pixels(line, column, share, wide):
+    """Enlarge a part of a row of pixels, (w, c) float32, see interpolate. wide : (n c,) float32 or more, written"""
+    channels = line.shape[1]
+    for j in range(len(share)):
+        a, b, right = uint32(column[j, 0]), uint32(column[j, 1]), share[j]
+        for k in range(channels):
+            wide[j * channels + k] = (ONE - right) * line[a, uint32(k)] + right * line[b, uint32(k)]
 
 
 @kernel
