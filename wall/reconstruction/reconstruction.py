@@ -144,6 +144,7 @@ class Reconstruction:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
         stood, history = self.nothing_moves, self.buffer.history
         self.poses.show(event)
+        self.buffer.reject_cut_away()  # at rest too: samples of older edits may have come
         self.refreshes += 1
         if not self.nothing_moves:
             self._moved_at = now
@@ -151,7 +152,6 @@ class Reconstruction:
         elif not stood:
             come_to_rest(self.poses, history)
         elif self.count:
-            self.buffer.reject_cut_away()  # samples of older edits may have come
             due, seconds = self._schedule.take_due(now), self.buffer.seconds(now)
             if self._lighting is not None:  # which shows stored samples for long: they are not to age
                 seconds = np.float32(self._moved_at - self.buffer.epoch)
@@ -273,7 +273,6 @@ class Reconstruction:
         doubted = self.poses.doubted
         if doubted is not None:
             buffer.doubt(doubted)
-        buffer.reject_cut_away()
         tiles = buffer.reject_contradicted() | (not self._in_parts())
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
         if doubted is not None:
