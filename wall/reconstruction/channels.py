@@ -10,10 +10,10 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
+from wall.reconstruction.choice import LayerReconstruction
 from wall.reconstruction.display_values import gain_of, update_display
 from wall.reconstruction.kernels import channels as kernels
-from wall.reconstruction.reconstruction import Ingredients, Reconstruction
-from wall.scene.build import Scene
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.kernels.environment import environment_of_panel
 from wall.scene.model import Environment, Sky
 
@@ -42,11 +42,9 @@ class Coverage:
     So edges are filtered as the image's own are: colours come times this alpha, and what lies behind may be added.
     """
 
-    def __init__(self, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float) -> None:
-        self._image = Reconstruction(
-            panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel,
-            ingredients=Ingredients(relighting=False, filtering=False),  # coverage has no noise
-        )  # fmt: skip
+    def __init__(self, image: LayerReconstruction) -> None:
+        """`image`: empty, see choice.Made."""
+        self._image = image
 
     def split(self, samples: Samples) -> tuple[Samples, Samples]:
         """Split samples into those of colours without the background, and those of coverage."""
@@ -57,11 +55,14 @@ class Coverage:
         return colours, covered
 
     def insert(self, covered: Samples, base_time: float, event: Posed) -> None:
-        """Store samples of coverage, see split."""
+        """Store samples of coverage, see split. Raises GpuError if the GPU is lost."""
         self._image.insert(covered, base_time, event)
 
     def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
-        """Show the samples under `event`. Returns the tiles that changed, (rows, columns) bool."""
+        """Show the samples under `event`. Returns the tiles that changed, (rows, columns) bool.
+
+        Raises GpuError if the GPU is lost.
+        """
         self._image.refresh(event, now)
         return self._image.take_dirty()
 
@@ -72,11 +73,15 @@ class Coverage:
 
 
 def show_reprojected(
-    image: Reconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, *, stops: float = 0.0
-) -> None:
-    """Bring the dirty tiles of `out` to an image of reprojected samples, exposed by so many stops."""
+    image: LayerReconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, *,
+    stops: float = 0.0,
+) -> None:  # fmt: skip
+    """Bring the dirty tiles of `out` to an image of reprojected samples, exposed by so many stops.
+
+    Of an image on a GPU only the channels of `out` travel. Raises GpuError if the GPU is lost.
+    """
     if out.encoded:
-        update_display(image.radiance, dirty, TILE, out.colour, stops=stops)
+        image.display(dirty, out.colour, stops=stops)
     else:
         kernels.copy_tiles(image.radiance, dirty, gain_of(stops), out.colour)
     if out.channels & {"depth", "object_id", "alpha"}:
@@ -85,11 +90,11 @@ def show_reprojected(
         kernels.channels_of_nearest(
             image.find_nearest(), pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object_id
         )
-    if image.surfaces is not None and out.albedo is not None and out.normal is not None:
-        image.surfaces.write(out.albedo, out.normal)
+    surfaces = image.surfaces if isinstance(image, Reconstruction) else None  # those of paths
+    if surfaces is not None and out.albedo is not None and out.normal is not None:
+        surfaces.write(out.albedo, out.normal)
     if out.time is not None:
-        s = image.stored()
-        kernels.newest_times(s.times, s.confidence, s.screen_position, s.in_use, s.epoch - out.time_origin, out.time)
+        image.write_newest_times(out.time_origin, out.time)
 
 
 def show_sky(
