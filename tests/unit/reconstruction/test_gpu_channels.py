@@ -23,7 +23,7 @@ from wall.tracing.tracer_scene import make_tracer_scene
 
 SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(97, 65))
 EVERYTHING: Channels = frozenset({"colour", "depth", "alpha", "time", "object_id"})
-DEPTH_ROUNDING = 1e-5  # share of it: a dot product of float32 numbers, few of which cancel. Seen: 1.2e-7
+DEPTH_ROUNDING = 1e-5  # share of it: a dot product of float32 numbers, few of which cancel. Seen: 2.4e-7
 
 
 def plates(*places: Triple, cuts: tuple[Cut, ...] = ()) -> Scene:
@@ -129,7 +129,7 @@ def test_all_channels_are_the_same_in_motion_at_rest_and_after_it(
     rested, partly = 0, 0
     for k in range(20):
         event = at_refresh(k)
-        layers.refresh(event, START + (k + 1) / 60)
+        layers.refresh(event, START + (k + 1) / 60, stops=0.25)
         layers.agree()
         for batch in range(2):
             layers.insert(layers.trace(random_numbers, count, event), START + k / 60 + 0.002 * batch, event)
@@ -243,6 +243,61 @@ def test_light_that_moves_leaves_coverage_alone(opengl: Device, compiled_only: N
         colours.append(layers.shown.colour.copy())
     assert np.abs(colours[2] - colours[0]).max() > 0.1
     assert_allclose(layers.shown.channel("alpha"), 1.0, rtol=0, atol=ROUNDING)
+
+
+def test_the_channels_of_a_moving_image_are_made_on_the_gpu(
+    opengl: Device, random_numbers: np.random.Generator, monkeypatch: pytest.MonkeyPatch, compiled_only: None
+) -> None:
+    """Only what the layer has travels, and the CPU makes nothing of it."""
+    layers = Layers(plates((-0.6, 0.0, 2.0), (0.6, 0.0, 2.0)))
+
+    def on_the_cpu(*_: object) -> None:
+        raise AssertionError("made on the CPU")
+
+    monkeypatch.setattr(layers.made[1].image, "find_nearest", on_the_cpu)
+    for made in layers.made[1].image, layers.made[1].coverage:
+        monkeypatch.setattr(made._passes, "read_surfaces", on_the_cpu)  # type: ignore[union-attr]
+    for k in range(3):
+        layers.insert(layers.trace(random_numbers, 2000, at_refresh(k)), START + k / 60, at_refresh(k))
+        layers.refresh(at_refresh(k), START + (k + 1) / 60)
+        layers.agree()
+    layers.refresh(at_refresh(2), START + 0.1)
+    layers.insert(layers.trace(random_numbers, 2000, at_refresh(2)), START + 0.1, at_refresh(2))
+    with pytest.raises(AssertionError, match="made on the CPU"):  # as means of pixels are that stand
+        layers.refresh(at_refresh(2), START + 0.2)
+
+
+def test_background_that_objects_are_filled_into_from_afar_is_cleared(opengl: Device, compiled_only: None) -> None:
+    """Samples stand four pixels apart, at corners of pixels: none fills its own, and every third hits the plate."""
+    xy = np.stack(np.meshgrid(np.arange(2.0, 95.0, 4.0), np.arange(2.0, 63.0, 4.0)), axis=-1).reshape(-1, 2)
+    plate = np.arange(len(xy)) % 3 == 0
+    samples = hits(xy + 0.02, RED, depth=2.0, object_id=PLATE)
+    samples["object_id"][~plate], samples["depth"][~plate] = 0, np.inf
+    layers = Layers(plates((9.0, 0.0, 2.0)))
+    layers.insert(samples, START, event_at(0, SEEN))
+    layers.refresh(event_at(0, SEEN), START + 5.0)  # by then they weigh little
+    layers.agree(decided=0.0)
+    covered = layers.coverages[1].radiance[..., 0]  # type: ignore[union-attr]
+    alpha, i, j = layers.shown.channel("alpha"), *xy.astype(int)[:, ::-1].T
+    assert (covered[i, j][~plate] > 0.01).any()
+    assert (alpha[i, j][~plate] == 0.0).all()
+    assert (layers.shown.colour[i, j][~plate] == 0.0).all()
+    assert (alpha[i + 1, j + 1][~plate] > 0.01).any(), "beside them it is filled"
+
+
+def test_depths_of_a_panel_far_out_on_a_wall_are_distances_from_the_eye(opengl: Device, compiled_only: None) -> None:
+    """The same pixels, seen the same, as the last of a large wall: directions are not from the wall's first pixel."""
+    plane = SEEN.panel.plane
+    origin = plane.origin - 60000 * plane.per_x - 9000 * plane.per_y
+    panel = replace(SEEN.panel, screen=(60000, 9000), plane=replace(plane, origin=origin))
+    depths = []
+    for seen in (SEEN, replace(SEEN, wall=replace(SEEN.wall, panels=(panel,)))):
+        layers = Layers(plates((0.0, 0.0, 2.0)), seen)
+        layers.insert(layers.trace(np.random.default_rng(1), 12000, event_at(0, SEEN)), START, event_at(0, SEEN))
+        layers.refresh(event_at(0, SEEN), START + 0.1)
+        layers.agree()
+        depths.append(layers.shown.channel("depth"))
+    assert (~np.isclose(*depths, rtol=DEPTH_ROUNDING)).mean() <= DECIDED_BY_ROUNDING
 
 
 def test_an_image_that_lost_its_samples_has_no_surfaces(opengl: Device) -> None:

@@ -175,7 +175,7 @@ def test_a_gpu_that_is_lost_with_the_coverage_of_a_layer_leaves_both_to_the_cpu(
     """Samples that come while the GPU is lost are lost with it, even if only one of the two images saw the error."""
     plan, panel, event = shown_on_gpu(LAYERS)
     assert panel.reprojected.on_gpu
-    assert isinstance(panel.reprojected._coverage._image, GpuReconstruction)
+    assert isinstance(panel.reprojected._coverage.image, GpuReconstruction)
     assert {0.0, 1.0} <= set(np.unique(panel.framelet.channel("alpha")))
     assert np.isfinite(panel.framelet.channel("depth")).any()
 
@@ -184,7 +184,7 @@ def test_a_gpu_that_is_lost_with_the_coverage_of_a_layer_leaves_both_to_the_cpu(
         def fails(*_: object) -> None:
             raise GpuError("the driver was reset", wanted="another")
 
-        monkeypatch.setattr(panel.reprojected._coverage._image, "insert", fails)
+        monkeypatch.setattr(panel.reprojected._coverage.image, "insert", fails)
         panel.insert(batch_of(plan, moved(event, 1)))
     else:
         lose(opengl)
@@ -192,7 +192,7 @@ def test_a_gpu_that_is_lost_with_the_coverage_of_a_layer_leaves_both_to_the_cpu(
 
     assert panel.counters["gpu_lost"] == 1
     assert isinstance(panel.reprojected.reconstruction, Reconstruction)
-    assert isinstance(panel.reprojected._coverage._image, Reconstruction)
+    assert isinstance(panel.reprojected._coverage.image, Reconstruction)
     assert not panel.framelet.channel("alpha").any(), "the samples were the GPU's"
     assert np.isinf(panel.framelet.channel("depth")).all()
     panel.insert(batch_of(plan, moved(event, 2)))
@@ -219,7 +219,7 @@ def test_a_gpu_without_memory_for_the_coverage_leaves_all_of_the_layer_to_the_cp
     _, panel, _ = shown_on_gpu(LAYERS)
     assert made == ["one", "one"]
     assert isinstance(panel.reprojected.reconstruction, Reconstruction)
-    assert isinstance(panel.reprojected._coverage._image, Reconstruction)
+    assert isinstance(panel.reprojected._coverage.image, Reconstruction)
     assert str(panel.reprojected.choice) == "cpu (memory ends)"
     assert panel.counters["gpu_lost"] == 0
 

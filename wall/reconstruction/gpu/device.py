@@ -43,6 +43,7 @@ _COMPUTE = (
     "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh",
     "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
     "doubt", "cut_away", "splat", "collect", "accumulate", "surfaces", "newest_times",
+    "channels",
 )  # fmt: skip
 _INTERPOLATING = ("expand", "resolve")  # read the coarser level
 _ADDING = ("splat", "accumulate")  # to sums of pixels

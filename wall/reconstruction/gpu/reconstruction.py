@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Event, Float32, Float64, Rect, Samples
+from wall.core.data import Event, Float32, Float64, Framelet, Rect, Samples
 from wall.deepbuffer.deep_buffer import (
     CLOCK_ORIGIN_S,
     SAMPLES_PER_PIXEL,
@@ -197,9 +197,40 @@ class GpuReconstruction:
         if not self._surfaces.size:
             self._surfaces = np.zeros((*self._radiance.shape[:2], 2), np.float32)
         self._bring_up_to_date()
-        self._passes.read_surfaces(self._store, self.pose.panel_from_object, self._surfaces)
+        self._passes.find_surfaces(self._store, self.pose.panel_from_object)
+        self._passes.read_surfaces(self._surfaces)
         self._device.check()
         return NearestSamples(self._surfaces[..., 0], self._surfaces[..., 1])
+
+    @property
+    def on_gpu(self) -> bool:
+        """Whether the GPU has the image that is shown: while something moves, and it was not asked for."""
+        return not self._read
+
+    def write_channels(self, covered: GpuReconstruction | None, out: Framelet, *, stops: float) -> None:
+        """Write colour, depth, object id and alpha of an image that the GPU has, exposed by so many stops.
+
+        covered : an image on the GPU too, of where objects are, see channels.Coverage. Raises GpuError if the GPU is
+        lost.
+        """
+        planes = (out.depth, out.object_id, out.alpha)
+        if any(plane is not None for plane in planes):
+            self._bring_up_to_date()
+            self._passes.find_surfaces(self._store, self.pose.panel_from_object)
+            first, across, down = self.pose.frame
+            x, y = self.pose.corner + 0.5
+            rays = np.stack([first + x * across + y * down, across, down])
+            self._passes.make_channels(None if covered is None else covered._passes, rays)
+        if out.encoded:
+            self._passes.read_display(out.colour, gain_of(stops))
+        else:
+            self._passes.read_shown(out.colour)
+            if stops != 0.0:
+                out.colour *= gain_of(stops)
+        for k, plane in enumerate(planes):
+            if plane is not None:
+                self._passes.read_channel(k, plane)
+        self._device.check()
 
     def write_newest_times(self, origin: float, time: Float32) -> None:
         """See Reconstruction; travels from the GPU. Raises GpuError if that is lost."""
