@@ -58,8 +58,9 @@ class ReprojectedLayer:
         self._panel = plan.layout.wall.traced[layer.traced]
         self._panel_view = PanelView(plan.view_of(self._panel), self._panel)
         self._display_bytes_only = not plan.layout.graph.beyond_bytes(layer)
-        self._why_cpu = why_not_on_gpu(plan.scene_of(layer.view), self._panel)
-        self._wish: Wish = "cpu" if self._why_cpu else wish or plan.layout.config.reconstruction_of(layer.view)
+        asked = wish or plan.layout.config.reconstruction_of(layer.view)
+        self._why_cpu = "" if asked == "cpu" else why_not_on_gpu(plan.scene_of(layer.view), self._panel)
+        self._wish: Wish = "cpu" if self._why_cpu else asked
         self.choice: Choice | None = choose("gpu") if self._wish == "gpu" else None  # else when samples come
         self.reconstruction: AnyImage | None = None
         self._coverage: Coverage | None = None  # of a transparent layer

@@ -224,6 +224,28 @@ def test_a_gpu_without_memory_for_the_coverage_leaves_all_of_the_layer_to_the_cp
     assert panel.counters["gpu_lost"] == 0
 
 
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        (("{source: courtyard}", "{source: courtyard, integrator: {method: path}}"), "the noise of paths is filtered"),
+        (("[0.4, 0.3]", "[0.4, 0.3], row_time: 1e-4"), "on a GPU all rows of an image show one moment"),
+    ],
+)
+@pytest.mark.parametrize("graph", ["", LAYERS], ids=["display bytes", "a layer"])
+def test_what_a_gpu_cannot_make_is_left_to_the_cpu_with_the_reason(
+    opengl: Device, anything_is_a_gpu: None, changed: tuple[str, str], why: str, graph: str
+) -> None:
+    for wish, said in (("auto", why), ("cpu", "asked for")):
+        text = TEXT.format(wish=wish, columns=1, pixels="[8, 6]").replace(*changed) + graph
+        plan = make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+        panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+        panel.insert(replace(batch_of(plan, event), samples=batch_of(plan, event).samples[:0]))
+        assert isinstance(panel.reprojected.reconstruction, Reconstruction)
+        assert panel.reprojected.choice is not None
+        assert panel.reprojected.choice.on == "cpu"
+        assert said in panel.reprojected.choice.why
+
+
 def test_a_lost_gpu_that_was_insisted_on_ends_the_run_with_what_the_driver_said(
     opengl: Device, compiled_only: None
 ) -> None:
