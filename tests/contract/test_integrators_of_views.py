@@ -158,6 +158,30 @@ def test_what_cannot_be_is_refused_with_its_place(views: tuple[str, ...], expect
     assert expected in str(refused.value)
 
 
+def test_a_gpu_is_refused_for_paths_of_layers_that_are_compared_whatever_samples_them() -> None:
+    """Values of one pixel are compared at one moment: such samples are reprojected, and their noise is filtered."""
+    graph = """\
+graph:
+  nodes:
+    - {id: s, op: samples, panel: r0c0, range: [0, 0.5]}
+    - {id: f, op: reconstruct, input: s, background: transparent}
+    - {id: t, op: samples, panel: r0c0, range: [0.5, 1]}
+    - {id: g, op: reconstruct, input: t, background: transparent}
+    - {id: both, op: depth, inputs: [f, g]}
+    - {id: files, op: sink, kind: png, input: both}
+"""
+    text = f"""\
+version: 1
+scene: {{source: courtyard, integrator: {PATH}}}
+wall: {{grid: {{columns: 1, rows: 1, pixels: [8, 6], size: [0.4, 0.3]}}}}
+views: [{{id: main}}]
+sampling: {{method: framed}}
+reconstruction: gpu
+{graph}"""
+    with pytest.raises(ConfigError, match="has paths, whose noise is filtered on the CPU alone"):
+        make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+
+
 def test_a_view_after_the_first_may_have_a_lens(compiled_only: None) -> None:
     """It blurs what that view shows, and nothing else."""
     sharp = plan_of(*OWN[:2])

@@ -15,7 +15,7 @@ from wall.commands.terminal import si
 from wall.config.loading import Loaded
 from wall.config.views import ViewConfig
 from wall.geometry.panels import Panel, Wall
-from wall.reconstruction.choice import choose
+from wall.reconstruction.choice import choose, why_not_on_gpu
 from wall.roles.edges import target_ranks
 from wall.roles.plan import Layout, Plan, check_files, make_layout, make_plan, why_not_at_renderer
 from wall.run.first_look import dark_views
@@ -57,7 +57,7 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
     yield launch_line(layout, os.cpu_count() or 1)
     yield _ranks(layout)
     yield from layers_apart(layout)
-    yield from reconstructions(layout)
+    yield from reconstructions(plan)
     yield from at_renderers(layout)
     yield from fields_of_packets(plan)
     if costs:
@@ -127,14 +127,15 @@ def measured_features(plan: Plan) -> Iterator[str | Table]:
     yield left_out(plan.scene_of(layout.region(rank).view))
 
 
-def reconstructions(layout: Layout) -> Iterator[str]:
+def reconstructions(plan: Plan) -> Iterator[str]:
     """A line about what reconstructs, for each wish, and lines about layers that it is not for."""
+    layout = plan.layout
     wishes = [layout.config.reconstruction_of(view) for view in range(len(layout.config.views))]
     choices = [(choose(wishes[view]), views) for view, views in _alike(wishes, layout)]
     for choice, views in choices:
         yield f"reconstruction{views}: {choice}"
     if any(choice.on == "gpu" for choice, _ in choices):
-        yield from on_the_cpu(layout)
+        yield from on_the_cpu(plan)
 
 
 def _alike(of_views: Sequence[int | str], layout: Layout) -> Iterator[tuple[int, str]]:
@@ -161,15 +162,16 @@ def layers_apart(layout: Layout) -> Iterator[str]:
             yield f"layer {name_of(layout, layer)}: {'; '.join(said)}"
 
 
-def on_the_cpu(layout: Layout) -> Iterator[str]:
+def on_the_cpu(plan: Plan) -> Iterator[str]:
     """Lines about layers that the CPU reconstructs even where there is a GPU, with the reason."""
-    found: dict[tuple[str, ...], list[str]] = {}
+    layout, found = plan.layout, dict[str, list[str]]()
     for layer in layout.graph.layers:
-        if more := layout.graph.beyond_bytes(layer):
-            found.setdefault(more, []).append(name_of(layout, layer))
-    for more, names in found.items():
-        beyond = ", ".join(more)
-        yield f"reconstruction: cpu for {_some(names)}, of which the graph needs more than display bytes: {beyond}"
+        if layout.config.reconstruction_of(layer.view) == "cpu":
+            continue
+        if why := why_not_on_gpu(plan.scene_of(layer.view), layout.wall.traced[layer.traced]):
+            found.setdefault(why, []).append(name_of(layout, layer))
+    for why, names in found.items():
+        yield f"reconstruction: cpu for {_some(names)}: {why}"
 
 
 def at_renderers(layout: Layout) -> Iterator[str]:

@@ -143,7 +143,7 @@ class Graph:
         return tuple(s.panels[0] if kept[s.index] and len(s.panels) == 1 else None for s in self.steps)
 
     def beyond_bytes(self, layer: Layer) -> tuple[str, ...]:
-        """What is needed of a layer beside display bytes, in words. A GPU makes layers of which nothing else is."""
+        """What is needed of a layer beside display bytes, in words. Renderers make layers of which nothing else is."""
         step = self.step(layer.node)
         light = () if step.encoded else ("linear light",)
         clear = ("a transparent background",) if layer.transparent else ()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,10 +12,11 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
+from wall.reconstruction.choice import LayerReconstruction
 from wall.reconstruction.display_values import gain_of, update_display
+from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.kernels import channels as kernels
-from wall.reconstruction.reconstruction import Ingredients, Reconstruction
-from wall.scene.build import Scene
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.kernels.environment import environment_of_panel
 from wall.scene.model import Environment, Sky
 
@@ -42,11 +45,9 @@ class Coverage:
     So edges are filtered as the image's own are: colours come times this alpha, and what lies behind may be added.
     """
 
-    def __init__(self, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float) -> None:
-        self._image = Reconstruction(
-            panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel,
-            ingredients=Ingredients(relighting=False, filtering=False),  # coverage has no noise
-        )  # fmt: skip
+    def __init__(self, image: LayerReconstruction) -> None:
+        """`image`: empty, see choice.Made."""
+        self.image = image
 
     def split(self, samples: Samples) -> tuple[Samples, Samples]:
         """Split samples into those of colours without the background, and those of coverage."""
@@ -57,26 +58,54 @@ class Coverage:
         return colours, covered
 
     def insert(self, covered: Samples, base_time: float, event: Posed) -> None:
-        """Store samples of coverage, see split."""
-        self._image.insert(covered, base_time, event)
+        """Store samples of coverage, see split. Raises GpuError if the GPU is lost."""
+        self.image.insert(covered, base_time, event)
 
     def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
-        """Show the samples under `event`. Returns the tiles that changed, (rows, columns) bool."""
-        self._image.refresh(event, now)
-        return self._image.take_dirty()
+        """Show the samples under `event`. Returns the tiles that changed, (rows, columns) bool.
+
+        Raises GpuError if the GPU is lost.
+        """
+        self.image.refresh(event, now)
+        return self.image.take_dirty()
 
     @property
     def radiance(self) -> Float32:
         """(h, w, 3) float32: the share of each pixel that objects cover, three times."""
-        return self._image.radiance
+        return self.image.radiance
 
 
 def show_reprojected(
-    image: Reconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, *, stops: float = 0.0
+    image: LayerReconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, *,
+    stops: float = 0.0,
+) -> None:  # fmt: skip
+    """Bring the dirty tiles of `out` to an image of reprojected samples, exposed by so many stops.
+
+    Of an image on a GPU only the channels of `out` travel. Raises GpuError if the GPU is lost.
+    """
+    covers = None if coverage is None else coverage.image
+    if isinstance(image, GpuReconstruction) and image.on_gpu and _stays(covers):
+        image.write_channels(covers, out, stops=stops)
+    else:
+        _show_tiles(image, coverage, dirty, out, stops)
+    surfaces = image.surfaces if isinstance(image, Reconstruction) else None  # those of paths
+    if surfaces is not None and out.albedo is not None and out.normal is not None:
+        surfaces.write(out.albedo, out.normal)
+    if out.time is not None:
+        image.write_newest_times(out.time_origin, out.time)
+
+
+def _stays(covers: LayerReconstruction | None) -> TypeGuard[GpuReconstruction | None]:
+    """Whether an image that colours go with is on the GPU, or there is none."""
+    return covers is None or (isinstance(covers, GpuReconstruction) and covers.on_gpu)
+
+
+def _show_tiles(
+    image: LayerReconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, stops: float
 ) -> None:
-    """Bring the dirty tiles of `out` to an image of reprojected samples, exposed by so many stops."""
+    """Bring the dirty tiles of colour, depth, object id and alpha up to date, on the CPU."""
     if out.encoded:
-        update_display(image.radiance, dirty, TILE, out.colour, stops=stops)
+        image.display(dirty, out.colour, stops=stops)
     else:
         kernels.copy_tiles(image.radiance, dirty, gain_of(stops), out.colour)
     if out.channels & {"depth", "object_id", "alpha"}:
@@ -85,11 +114,6 @@ def show_reprojected(
         kernels.channels_of_nearest(
             image.find_nearest(), pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object_id
         )
-    if image.surfaces is not None and out.albedo is not None and out.normal is not None:
-        image.surfaces.write(out.albedo, out.normal)
-    if out.time is not None:
-        s = image.stored()
-        kernels.newest_times(s.times, s.confidence, s.screen_position, s.in_use, s.epoch - out.time_origin, out.time)
 
 
 def show_sky(

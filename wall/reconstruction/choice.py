@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,13 @@ from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
 from wall.reconstruction.gpu.device import GpuError, device, gpu_nodes
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
-from wall.reconstruction.reconstruction import Reconstruction, StoredSamples
+from wall.reconstruction.reconstruction import Ingredients, Reconstruction
+from wall.reconstruction.stored import StoredSamples
 from wall.scene.build import Scene
+from wall.scene.needs import needs
 
 Wish = Literal["auto", "cpu", "gpu"]
+LayerReconstruction: TypeAlias = Reconstruction | GpuReconstruction  # of all channels that compositing needs
 
 
 class AnyReconstruction(Protocol):
@@ -82,20 +85,49 @@ def choose(wish: Wish) -> Choice:
     return Choice(on="gpu", why=found.renderer)
 
 
+def why_not_on_gpu(scene: Scene, panel: Panel) -> str:
+    """Why the CPU reconstructs a panel of a scene whatever there is; "" where a GPU can."""
+    if needs(scene).paths:
+        return "the noise of paths is filtered there alone"
+    if panel.scan is not None:
+        return f"panel {panel.id} has a row_time, and on a GPU all rows of an image show one moment"
+    return ""
+
+
+class Made(NamedTuple):
+    """What reconstructs a panel."""
+
+    image: LayerReconstruction
+    coverage: LayerReconstruction | None  # a second image, of where objects are; see channels.Coverage
+    choice: Choice
+
+
 def make_reconstruction(
-    wish: Wish, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float, threads: int = 1
-) -> tuple[AnyReconstruction, Choice]:
-    """Make a panel's reconstruction where the wish says; `threads` share it on the CPU.
+    wish: Wish, panel: Panel, eye: Float64, scene: Scene, *,
+    samples_per_pixel: float, threads: int = 1, transparent: bool = False,
+) -> Made:  # fmt: skip
+    """Make a panel's reconstruction where the wish says; `threads` share it on the CPU. `transparent`: with coverage.
 
     Raises GpuError if `gpu` is asked for and cannot do it.
     """
-    choice = choose(wish)
+    choice, kept = choose(wish), samples_per_pixel
     if choice.on == "gpu":
         try:
-            return GpuReconstruction(panel, eye, scene, samples_per_pixel=samples_per_pixel), choice
+            image = GpuReconstruction(panel, eye, scene, samples_per_pixel=kept)
+            covers = (
+                GpuReconstruction(panel, eye, scene, samples_per_pixel=kept, relighting=False) if transparent else None
+            )
         except GpuError as error:
             if wish == "gpu":
                 raise
             choice = Choice(on="cpu", why=error.problem)
-    made = Reconstruction(panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel, threads=threads)
-    return made, choice
+        else:
+            return Made(image, covers, choice)
+    alone = Ingredients(relighting=False, filtering=False)  # coverage has neither light nor noise
+    return Made(
+        Reconstruction(panel, eye, scene, detects_change=False, samples_per_pixel=kept, threads=threads),
+        Reconstruction(panel, eye, scene, detects_change=False, samples_per_pixel=kept, ingredients=alone)
+        if transparent
+        else None,
+        choice,
+    )

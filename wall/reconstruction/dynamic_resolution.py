@@ -23,7 +23,8 @@ from wall.geometry.panels import Panel, of_fewer_pixels
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.enlarging import Axis
 from wall.reconstruction.kernels import enlarge as kernels
-from wall.reconstruction.reconstruction import Reconstruction, StoredSamples
+from wall.reconstruction.reconstruction import Reconstruction
+from wall.reconstruction.stored import StoredSamples
 from wall.scene.build import Scene
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from wall.deepbuffer.deep_buffer import (
 )
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
-from wall.deepbuffer.kernels.columns import COUNT
+from wall.deepbuffer.kernels.columns import COUNT, NEAREST_DEPTH, NEAREST_OBJECT
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import BLOCK
 from wall.deepbuffer.pose import Pose, Posed
@@ -37,9 +36,11 @@ from wall.reconstruction.bands import Bands
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.kernels import splat as kernels_splat
 from wall.reconstruction.kernels import visibility as kernels_visibility
+from wall.reconstruction.kernels.channels import newest_times
 from wall.reconstruction.kernels.relight import relight
 from wall.reconstruction.lighting import Lighting
 from wall.reconstruction.pyramid import Pyramid
+from wall.reconstruction.stored import NearestSamples, StoredSamples
 from wall.reconstruction.surfaces import SurfaceImages
 from wall.scene.build import Scene
 from wall.scene.needs import needs
@@ -68,16 +69,6 @@ class Ingredients:
 
 
 ALL = Ingredients()
-
-
-class StoredSamples(NamedTuple):
-    """Where and how old the samples of an image are; see SampleStore."""
-
-    times: Float32  # (in_use,) or more, seconds after `epoch`
-    confidence: Float32
-    screen_position: Float32  # (3, in_use) or more
-    in_use: int  # samples
-    epoch: float  # seconds
 
 
 class Reconstruction:
@@ -144,6 +135,7 @@ class Reconstruction:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
         stood, history = self.nothing_moves, self.buffer.history
         self.poses.show(event)
+        self.buffer.reject_cut_away()  # at rest too: samples of older edits may have come
         self.refreshes += 1
         if not self.nothing_moves:
             self._moved_at = now
@@ -151,7 +143,6 @@ class Reconstruction:
         elif not stood:
             come_to_rest(self.poses, history)
         elif self.count:
-            self.buffer.reject_cut_away()  # samples of older edits may have come
             due, seconds = self._schedule.take_due(now), self.buffer.seconds(now)
             if self._lighting is not None:  # which shows stored samples for long: they are not to age
                 seconds = np.float32(self._moved_at - self.buffer.epoch)
@@ -238,7 +229,7 @@ class Reconstruction:
         self._threads.share(self.rect.height, update, unit=TILE)
 
     def stored(self) -> StoredSamples:
-        """The samples of the image, for statistics and for channels of time."""
+        """The samples of the image, for statistics."""
         buffer = self.buffer
         store = buffer.store
         return StoredSamples(store.time, store.confidence, store.screen_position, buffer.count, buffer.epoch)
@@ -249,12 +240,18 @@ class Reconstruction:
         assert self.poses.pose is not None
         return self.poses.pose
 
-    def find_nearest(self) -> Float32:
-        """(h, w, 4) each pixel's nearest sample, also among those that came since the last refresh."""
+    def find_nearest(self) -> NearestSamples:
+        """Find each pixel's nearest sample, also among those that came since the last refresh."""
         history = self.buffer.history
         everywhere = np.ones_like(history.dirty)
         self._bands.find_nearest(self.buffer.store, self.buffer.count, history.nearest, everywhere)
-        return history.nearest
+        return NearestSamples(history.nearest[..., NEAREST_DEPTH], history.nearest[..., NEAREST_OBJECT])
+
+    def write_newest_times(self, origin: float, time: Float32) -> None:
+        """Write when each pixel's newest sample was traced: `time` (h, w), seconds after `origin`; -inf: none."""
+        buffer, store = self.buffer, self.buffer.store
+        later = buffer.epoch - origin
+        newest_times(store.time, store.confidence, store.screen_position, buffer.count, later, time)
 
     def block_weights(self) -> Float32:
         """(h / 4, w / 4) float32, rounded up: weight of the samples that show in each 4x4 pixels, a pixel's up to 1."""
@@ -273,7 +270,6 @@ class Reconstruction:
         doubted = self.poses.doubted
         if doubted is not None:
             buffer.doubt(doubted)
-        buffer.reject_cut_away()
         tiles = buffer.reject_contradicted() | (not self._in_parts())
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
         if doubted is not None:

@@ -292,8 +292,8 @@ def _check_reconstruction(layout: Layout, scenes: Sequence[Scene]) -> None:
     config = layout.config
     for layer in layout.graph.layers:
         view, on_gpu = config.views[layer.view], config.reconstruction_of(layer.view) == "gpu"
-        reprojects = isinstance(layout.sampling_of(layer.view), AdaptiveSampling)
-        if on_gpu and reprojects and scenes[layer.view].path_depth is not None and not layout.graph.beyond_bytes(layer):
+        reprojects = layer.reprojects or isinstance(layout.sampling_of(layer.view), AdaptiveSampling)
+        if on_gpu and reprojects and scenes[layer.view].path_depth is not None:
             where = ("reconstruction",) if view.reconstruction is None else ("views", layer.view, "reconstruction")
             why = f"view {view.id} has paths, whose noise is filtered on the CPU alone"
             raise layout.loaded.error(where, why, "auto, cpu, or integrator: {method: direct}")
@@ -321,8 +321,8 @@ def why_not_at_renderer(layout: Layout, layer: Layer) -> str:
         return f"{threads} threads render it"
     if beyond := layout.graph.beyond_bytes(layer):
         return f"the graph needs {' and '.join(beyond)}"
-    wish = layout.config.reconstruction_of(layer.view)
-    if wish == "gpu" or (wish == "auto" and gpu_nodes()):
+    wish, scanned = layout.config.reconstruction_of(layer.view), layout.wall.traced[layer.traced].scan is not None
+    if not scanned and (wish == "gpu" or (wish == "auto" and gpu_nodes())):
         return "the compositor's GPU reconstructs"
     if layout.config.output.browser.samples:
         return "the page gets samples"

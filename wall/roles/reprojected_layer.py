@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from wall.deepbuffer.arrivals import Arrivals
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.geometry.cameras import PanelView
 from wall.reconstruction.channels import Coverage, show_reprojected
-from wall.reconstruction.choice import AnyReconstruction, Choice, Wish, choose, make_reconstruction
+from wall.reconstruction.choice import Choice, LayerReconstruction, Wish, choose, make_reconstruction, why_not_on_gpu
 from wall.reconstruction.dynamic_resolution import DynamicResolution
 from wall.reconstruction.gpu.device import GpuError
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
@@ -25,6 +26,7 @@ from wall.roles.resolution import first_scale
 from wall.roles.statistics import statistics_image_of
 from wall.scene.needs import needs
 
+AnyImage: TypeAlias = LayerReconstruction | DynamicResolution
 PIXELS_A_THREAD = 1 << 18  # of an image; with less threads gain little: docs/lab/speed.md
 
 
@@ -56,10 +58,11 @@ class ReprojectedLayer:
         self._panel = plan.layout.wall.traced[layer.traced]
         self._panel_view = PanelView(plan.view_of(self._panel), self._panel)
         self._display_bytes_only = not plan.layout.graph.beyond_bytes(layer)
-        on_cpu = not self._display_bytes_only or self._panel.scan is not None
-        self._wish: Wish = "cpu" if on_cpu else wish or plan.layout.config.reconstruction_of(layer.view)
+        asked = wish or plan.layout.config.reconstruction_of(layer.view)
+        self._why_cpu = "" if asked == "cpu" else why_not_on_gpu(plan.scene_of(layer.view), self._panel)
+        self._wish: Wish = "cpu" if self._why_cpu else asked
         self.choice: Choice | None = choose("gpu") if self._wish == "gpu" else None  # else when samples come
-        self.reconstruction: AnyReconstruction | None = None
+        self.reconstruction: AnyImage | None = None
         self._coverage: Coverage | None = None  # of a transparent layer
         self.arrivals = Arrivals(*self._panel.pixels)
         self.given_up = False
@@ -101,15 +104,15 @@ class ReprojectedLayer:
             return
         reconstruction = self.reconstruction or self._make()
         samples = batch.samples
-        if self._coverage is not None:
-            samples, covered = self._coverage.split(samples)
-            self._coverage.insert(covered, batch.base_time, batch)
         try:
+            if self._coverage is not None:
+                samples, covered = self._coverage.split(samples)
+                self._coverage.insert(covered, batch.base_time, batch)
             reconstruction.insert(samples, batch.base_time, batch)
         except GpuError as error:
             self._give_up(error)
 
-    def _make(self) -> AnyReconstruction:
+    def _make(self) -> AnyImage:
         sampling = self._plan.layout.sampling_of(self._layer.view)
         scene = self._plan.scene_of(self._layer.view)
         eye, panel = self._panel_view.eye, self._panel
@@ -123,16 +126,15 @@ class ReprojectedLayer:
             )  # fmt: skip
             self.choice = Choice(on="cpu", why="at its renderer")
             return self.reconstruction
-        if self._layer.transparent:
-            self._coverage = Coverage(panel, eye, scene, samples_per_pixel=kept)
-        self.reconstruction, choice = make_reconstruction(
-            self._wish, panel, eye, scene, samples_per_pixel=kept, threads=threads
-        )
-        why = Choice(on="cpu", why="the graph needs more of it than display bytes")
-        self.choice = _by_threads(choice if self._display_bytes_only else why, threads)
-        if self._framelet.albedo is not None and isinstance(self.reconstruction, Reconstruction):
-            self.reconstruction.describe_surfaces()
-        return self.reconstruction
+        image, covers, choice = make_reconstruction(
+            self._wish, panel, eye, scene,
+            samples_per_pixel=kept, threads=threads, transparent=self._layer.transparent,
+        )  # fmt: skip
+        self.reconstruction, self._coverage = image, None if covers is None else Coverage(covers)
+        self.choice = _by_threads(Choice(on="cpu", why=self._why_cpu) if self._why_cpu else choice, threads)
+        if self._framelet.albedo is not None and isinstance(image, Reconstruction):
+            image.describe_surfaces()
+        return image
 
     def keep(self, share: float) -> None:
         """At the renderer: keep that share of the samples that are kept where refreshes are made in time."""
@@ -161,18 +163,20 @@ class ReprojectedLayer:
             self._give_up(error)
             return self.refresh(event, now)
 
-    def _show(self, reconstruction: AnyReconstruction, event: Event, now: float) -> NDArray[np.bool_]:
+    def _show(self, reconstruction: AnyImage, event: Event, now: float) -> NDArray[np.bool_]:
         reconstruction.refresh(event, now)
         dirty, stops = reconstruction.take_dirty() | self.show_all | (event.exposure != self._stops), event.exposure
         if self._coverage is not None:
             dirty |= self._coverage.refresh(event, now)
         self.show_all, self._stops = False, stops
         framelet = self._framelet
-        if dirty.any() and isinstance(reconstruction, Reconstruction) and not self._display_bytes_only:
+        if not dirty.any():
+            return dirty
+        if self._display_bytes_only or isinstance(reconstruction, DynamicResolution):
+            reconstruction.display(dirty, framelet.colour, stops=stops)
+        else:
             framelet.stamp(now)
             show_reprojected(reconstruction, self._coverage, dirty, framelet, stops=stops)
-        elif dirty.any():
-            reconstruction.display(dirty, framelet.colour, stops=stops)
         return dirty
 
     def statistics_image(self, now: float) -> StatisticsImage | None:

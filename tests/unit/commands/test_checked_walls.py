@@ -61,7 +61,7 @@ def test_what_differs_between_views_is_said_of_each(tmp_path: Path) -> None:
   - {id: light, panels: [b], integrator: {method: path}}
 """
     both = make_layout(load(written(tmp_path, CONFIG.replace("views: [{id: main}]\n", views))))
-    said, lines = list(tracers(make_plan(both))), list(reconstructions(both))
+    said, lines = list(tracers(make_plan(both))), list(reconstructions(make_plan(both)))
     tables = [each for each in said if isinstance(each, Table)]
     assert [table.title for table in tables] == ["features of main, copy", "features of light"]
     assert [line.split(":")[0] for line in lines] == ["reconstruction of main, copy", "reconstruction of light"]
@@ -69,7 +69,7 @@ def test_what_differs_between_views_is_said_of_each(tmp_path: Path) -> None:
     assert ["paths" in line for line in said if isinstance(line, str)] == [True, False]
     one = make_layout(load(written(tmp_path, CONFIG)))
     assert [each.title for each in tracers(make_plan(one)) if isinstance(each, Table)] == ["features"]
-    assert [line.split(":")[0] for line in reconstructions(one)] == ["reconstruction"]
+    assert [line.split(":")[0] for line in reconstructions(make_plan(one))] == ["reconstruction"]
 
 
 def test_the_fields_of_packets_are_said_with_what_is_left_out(tmp_path: Path) -> None:
@@ -111,12 +111,27 @@ def test_wall_that_is_wrong_is_refused_before_its_scene_is_loaded(tmp_path: Path
         make_layout(load(path))
 
 
-def test_layers_that_a_gpu_cannot_make_are_named_with_what_is_needed_of_them(tmp_path: Path) -> None:
+def test_layers_that_a_gpu_cannot_make_are_named_with_the_reason(tmp_path: Path) -> None:
+    views = """views:
+  - {id: main, panels: [a]}
+  - {id: light, panels: [b], integrator: {method: path}}
+  - {id: copy, viewport: {left: 0, top: 0, width: 0.1, height: 0.1}, integrator: {method: path}, reconstruction: cpu}
+"""
+    text = CONFIG.replace("views: [{id: main}]\n", views).replace("      host: node1\n", "      row_time: 1e-4\n")
+    plan = make_plan(make_layout(load(written(tmp_path, text))))
+
+    assert list(on_the_cpu(plan)) == [
+        "reconstruction: cpu for a: panel a has a row_time, and on a GPU all rows of an image show one moment",
+        "reconstruction: cpu for b: the noise of paths is filtered there alone",
+    ]
+
+
+def test_layers_of_light_and_depth_are_not_among_them(tmp_path: Path) -> None:
     graph = """\
 graph:
   nodes:
-    - {id: s, op: samples, panel: a}
-    - {id: far, op: reconstruct, input: s}
+    - {id: s, op: samples, panel: a, scale: 0.5}
+    - {id: far, op: reconstruct, input: s, refresh_hz: 10}
     - {id: t, op: samples, panel: a}
     - {id: near, op: reconstruct, input: t, background: transparent}
     - {id: d, op: depth, inputs: [far, near]}
@@ -126,14 +141,4 @@ graph:
     - {id: right, op: sink, kind: png, input: plain}
 reconstruction: gpu
 """
-    layout = make_layout(load(written(tmp_path, CONFIG + graph)))
-
-    assert list(on_the_cpu(layout)) == [
-        "reconstruction: cpu for far, of which the graph needs more than display bytes: linear light, depth, object_id",
-        "reconstruction: cpu for near, of which the graph needs more than display bytes: linear light, "
-        "depth, alpha, object_id, a transparent background",
-    ]
-
-
-def test_a_wall_that_a_gpu_can_make_alone_has_no_line_of_them(tmp_path: Path) -> None:
-    assert list(on_the_cpu(make_layout(load(written(tmp_path, CONFIG))))) == []
+    assert list(on_the_cpu(make_plan(make_layout(load(written(tmp_path, CONFIG + graph)))))) == []

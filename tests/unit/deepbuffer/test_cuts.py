@@ -44,6 +44,12 @@ def red(image: Reconstruction) -> float:
     return float(image.radiance[..., 0].max())
 
 
+def kept_of_plate(image: Reconstruction) -> int:
+    """Samples of the plate that were not rejected."""
+    store, count = image.buffer.store, image.count
+    return int(((store.object_id[:count] == PLATE) & (store.confidence[:count] > 0.0)).sum())
+
+
 def shown(scene: Scene) -> Reconstruction:
     """An image of the plate before the wall."""
     image = image_of(scene)
@@ -86,6 +92,7 @@ def test_what_an_edit_cuts_away_goes_with_the_next_image_and_late_samples_of_it_
     for k in range(1, 4):
         image.refresh(after, START + k * EVENT_S)
         assert red(image) == 0.0
+        assert kept_of_plate(image) == 0, "nor does it show in depth and object ids"
         image.insert(on_plate(), START + k * EVENT_S, event_at(0))  # traced before the edit
         image.insert(on_wall(), START + k * EVENT_S, after)
     assert image.nothing_moves
@@ -111,8 +118,7 @@ def test_samples_that_move_with_their_object_go_where_it_is_cut() -> None:
     left = []
     for k in range(3):
         image.refresh(event_at(k, scene_time=float(k)), START + (k + 1) * EVENT_S)
-        store, count = image.buffer.store, image.count
-        left.append(int(((store.object_id[:count] == PLATE) & (store.confidence[:count] > 0.0)).sum()))
+        left.append(kept_of_plate(image))
     assert left == [12, 8, 0]
     assert red(image) == 0.0
 

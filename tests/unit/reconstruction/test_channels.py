@@ -9,6 +9,7 @@ from small_scenes import directions, view
 from wall.deepbuffer.kernels.pixel_buffer import PIXEL, TILE
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.kernels import channels as kernels
+from wall.reconstruction.stored import NearestSamples
 
 HEIGHT, WIDTH = 2 * TILE - 5, 2 * TILE + 3  # tiles at both edges are cut off
 ONE = np.float32(1.0)  # gain
@@ -96,7 +97,8 @@ def test_depth_object_and_alpha_of_reprojected_samples(partly: bool) -> None:
     nearest[:8, :8, 3] = 0.0  # background, with nothing beside it
     covered = rng.choice([-0.1, 0.3, 1.2], (HEIGHT, WIDTH, 3)).astype(np.float32) if partly else None
     channels = (out["colour"], out["alpha"], out["depth"], out["object_id"])
-    kernels.channels_of_nearest(nearest, FRAME, CORNER, covered, DIRTY, *channels)
+    found = NearestSamples(nearest[..., 0], nearest[..., 3])
+    kernels.channels_of_nearest(found, FRAME, CORNER, covered, DIRTY, *channels)
     depth, object_id, alpha, cleared = twin(nearest, covered)
     assert (cleared & CHANGED).any() == partly
     np.testing.assert_allclose(out["depth"][CHANGED], depth[CHANGED], rtol=1e-5)

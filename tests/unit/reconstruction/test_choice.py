@@ -129,7 +129,7 @@ def test_a_panel_that_is_too_large_for_the_gpu_is_refused_or_left_to_the_cpu(
     (tmp_path / "renderD128").touch()
     monkeypatch.setattr(device, "NODES", (str(tmp_path / "renderD128"),))
     monkeypatch.setattr(device, "SOFTWARE", ())  # whatever there is counts as a GPU
-    made, chosen = choice.make_reconstruction("auto", FRONT.panel, FRONT.eye, scene, samples_per_pixel=4.0)
+    made, _, chosen = choice.make_reconstruction("auto", FRONT.panel, FRONT.eye, scene, samples_per_pixel=4.0)
     assert isinstance(made, Reconstruction)
     assert chosen.on == "cpu"
     assert "in one buffer" in chosen.why

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from wall.config.loading import loads
 from wall.core.data import Batch, Event, Rect
 from wall.reconstruction.gpu import device
 from wall.reconstruction.gpu.device import Device, GpuError
+from wall.reconstruction.gpu.reconstruction import GpuReconstruction
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.composition import Composition
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
@@ -31,8 +34,19 @@ reconstruction: {wish}
 INVALID = 1  # no capability of OpenGL: asking for it is a GL_INVALID_ENUM
 
 
-def plan_of(wish: str, *, columns: int = 1, pixels: str = "[20, 12]") -> Plan:
-    text = TEXT.format(wish=wish, columns=columns, pixels=pixels)
+LAYERS = """\
+graph:
+  nodes:
+    - {id: s, op: samples, panel: r0c0, range: [0.5, 1]}
+    - {id: r, op: reconstruct, input: s, background: transparent}
+    - {id: sky, op: sky, panel: r0c0}
+    - {id: both, op: depth, inputs: [r, sky]}
+    - {id: files, op: sink, kind: png, input: both}
+"""
+
+
+def plan_of(wish: str, *, columns: int = 1, pixels: str = "[20, 12]", graph: str = "") -> Plan:
+    text = TEXT.format(wish=wish, columns=columns, pixels=pixels) + graph
     return make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
 
 
@@ -59,13 +73,24 @@ def batch_of(plan: Plan, event: Event, index: int = 0) -> Batch:
     )  # fmt: skip
 
 
-def shown_on_gpu() -> tuple[Plan, PanelCompositor, Event]:
+def shown_on_gpu(graph: str = "") -> tuple[Plan, PanelCompositor, Event]:
     """A panel under `auto` with one sample a pixel, refreshed once."""
-    plan = plan_of("auto")
+    plan = plan_of("auto", graph=graph)
     panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
     panel.insert(batch_of(plan, event))
     panel.refresh(event, 0.0)
     return plan, panel, event
+
+
+def begun_on_cpu(event: Event, graph: str = "") -> PanelCompositor:
+    """A panel on the CPU that was refreshed once without samples, as after a GPU is lost, and once with a batch."""
+    plan = plan_of("cpu", graph=graph)
+    panel, batch = PanelCompositor(plan, 0), batch_of(plan, moved(event, 2))
+    panel.insert(replace(batch, samples=batch.samples[:0]))
+    panel.refresh(moved(event, 1), 0.01)
+    panel.insert(batch)
+    panel.refresh(moved(event, 2), 0.2)
+    return panel
 
 
 def lose(opengl: Device) -> None:
@@ -122,11 +147,7 @@ def test_a_lost_gpu_under_auto_leaves_the_image_to_the_cpu_and_is_counted(
     assert not rgb_of(panel).any(), "the samples were the GPU's: the CPU's deep buffer starts empty"
     panel.insert(batch_of(plan, moved(event, 2)))
     panel.refresh(moved(event, 2), 0.2)
-    on_cpu = PanelCompositor(plan_of("cpu"), 0)
-    on_cpu.insert(replace(batch_of(plan, event), samples=batch_of(plan, event).samples[:0]))
-    on_cpu.refresh(moved(event, 1), 0.01)
-    on_cpu.insert(batch_of(plan, moved(event, 2)))
-    on_cpu.refresh(moved(event, 2), 0.2)
+    on_cpu = begun_on_cpu(event)
     assert np.abs(rgb_of(panel).astype(int) - rgb_of(on_cpu)).max() <= 1
     assert panel.counters["gpu_lost"] == 1
 
@@ -145,6 +166,84 @@ def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_ima
     assert panel.counters["gpu_lost"] == 1
     assert not on_cpu.age.any(), "the samples were the GPU's"
     assert not on_cpu.density.any()
+
+
+@pytest.mark.parametrize("while_inserting", [False, True])
+def test_a_gpu_that_is_lost_with_the_coverage_of_a_layer_leaves_both_to_the_cpu(
+    opengl: Device, anything_is_a_gpu: None, monkeypatch: pytest.MonkeyPatch, compiled_only: None, while_inserting: bool
+) -> None:
+    """Samples that come while the GPU is lost are lost with it, even if only one of the two images saw the error."""
+    plan, panel, event = shown_on_gpu(LAYERS)
+    assert panel.reprojected.on_gpu
+    assert isinstance(panel.reprojected._coverage.image, GpuReconstruction)
+    assert {0.0, 1.0} <= set(np.unique(panel.framelet.channel("alpha")))
+    assert np.isfinite(panel.framelet.channel("depth")).any()
+
+    if while_inserting:
+
+        def fails(*_: object) -> None:
+            raise GpuError("the driver was reset", wanted="another")
+
+        monkeypatch.setattr(panel.reprojected._coverage.image, "insert", fails)
+        panel.insert(batch_of(plan, moved(event, 1)))
+    else:
+        lose(opengl)
+    panel.refresh(moved(event, 1), 0.01)
+
+    assert panel.counters["gpu_lost"] == 1
+    assert isinstance(panel.reprojected.reconstruction, Reconstruction)
+    assert isinstance(panel.reprojected._coverage.image, Reconstruction)
+    assert not panel.framelet.channel("alpha").any(), "the samples were the GPU's"
+    assert np.isinf(panel.framelet.channel("depth")).all()
+    panel.insert(batch_of(plan, moved(event, 2)))
+    panel.refresh(moved(event, 2), 0.2)
+    on_cpu = begun_on_cpu(event, LAYERS)
+    assert on_cpu.framelet.channel("alpha").any()
+    for name in ("colour", "alpha", "depth", "object_id"):
+        np.testing.assert_array_equal(panel.framelet.channel(name), on_cpu.framelet.channel(name))
+
+
+def test_a_gpu_without_memory_for_the_coverage_leaves_all_of_the_layer_to_the_cpu(
+    opengl: Device, anything_is_a_gpu: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = list[str]()
+
+    class Full(GpuReconstruction):
+        def __init__(self, *args: Any, **keys: Any) -> None:
+            made.append("one")
+            if len(made) > 1:
+                raise GpuError("memory ends", wanted="smaller panels")
+            super().__init__(*args, **keys)
+
+    monkeypatch.setattr("wall.reconstruction.choice.GpuReconstruction", Full)
+    _, panel, _ = shown_on_gpu(LAYERS)
+    assert made == ["one", "one"]
+    assert isinstance(panel.reprojected.reconstruction, Reconstruction)
+    assert isinstance(panel.reprojected._coverage.image, Reconstruction)
+    assert str(panel.reprojected.choice) == "cpu (memory ends)"
+    assert panel.counters["gpu_lost"] == 0
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        (("{source: courtyard}", "{source: courtyard, integrator: {method: path}}"), "the noise of paths is filtered"),
+        (("[0.4, 0.3]", "[0.4, 0.3], row_time: 1e-4"), "on a GPU all rows of an image show one moment"),
+    ],
+)
+@pytest.mark.parametrize("graph", ["", LAYERS], ids=["display bytes", "a layer"])
+def test_what_a_gpu_cannot_make_is_left_to_the_cpu_with_the_reason(
+    opengl: Device, anything_is_a_gpu: None, changed: tuple[str, str], why: str, graph: str
+) -> None:
+    for wish, said in (("auto", why), ("cpu", "asked for")):
+        text = TEXT.format(wish=wish, columns=1, pixels="[8, 6]").replace(*changed) + graph
+        plan = make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+        panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+        panel.insert(replace(batch_of(plan, event), samples=batch_of(plan, event).samples[:0]))
+        assert isinstance(panel.reprojected.reconstruction, Reconstruction)
+        assert panel.reprojected.choice is not None
+        assert panel.reprojected.choice.on == "cpu"
+        assert said in panel.reprojected.choice.why
 
 
 def test_a_lost_gpu_that_was_insisted_on_ends_the_run_with_what_the_driver_said(

@@ -42,7 +42,8 @@ MOST_DEVICES = 16  # of EGL that are looked at
 _COMPUTE = (
     "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh",
     "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
-    "doubt", "cut_away", "splat", "collect", "accumulate",
+    "doubt", "cut_away", "splat", "collect", "accumulate", "surfaces", "newest_times",
+    "channels",
 )  # fmt: skip
 _INTERPOLATING = ("expand", "resolve")  # read the coarser level
 _ADDING = ("splat", "accumulate")  # to sums of pixels

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.colour import srgb_curve
-from wall.core.data import Float32
+from wall.core.data import Float32, Float64
 from wall.deepbuffer.kernels.change import TRUSTED
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.reconstruction.gpu.device import GROUP, OBJECT_WORDS, Device, GpuError
-from wall.reconstruction.gpu.store import GpuStore, reserve
+from wall.reconstruction.gpu.store import WORD_BYTES, GpuStore, reserve
 from wall.reconstruction.kernels.visibility import Behind
 from wall.reconstruction.pyramid import pyramid_sizes
 
@@ -40,8 +40,9 @@ class Passes:
         self._bounds = reserve(device, 3 * self._area)
         self._resolved, self._shown = reserve(device, 3 * self._area), reserve(device, 3 * self._area)
         self._curve = device.context.buffer(srgb_curve().astype(np.uint32))
-        words = 3 * -(-self._area // PIXELS_A_DISPLAY_ITEM)
-        self._codes, self._codes_read = reserve(device, words), reserve(device, words)
+        self._codes = reserve(device, 3 * -(-self._area // PIXELS_A_DISPLAY_ITEM))
+        self._copied = reserve(device, 1)  # see _read
+        self._surfaces, self._channels, self._times = (reserve(device, 1) for _ in range(3))  # once they are asked for
         self._changes = reserve(device, 1)
         self._sums = reserve(device, CHANNELS * (width + 2) * (height + 2))  # zero but for while samples are added
         self._sums.clear()
@@ -168,16 +169,67 @@ class Passes:
 
     def read_shown(self, shown: Float32) -> None:
         """(h, w, 3) float32, written: the image."""
-        self._shown.read_into(shown)
+        self._read(self._shown, shown)
 
     def read_display(self, rgb: NDArray[np.uint8], gain: np.float32) -> None:
         """(h, w, 3) uint8, written: the image times `gain` as sRGB."""
         items, values = -(-self._area // PIXELS_A_DISPLAY_ITEM), 3 * self._area
         self._device.compute("display", items, (self._shown, self._curve, self._codes), values=values, gain=gain)
-        context = self._device.context
-        context.copy_buffer(self._codes_read, self._codes)  # drivers keep what is read in the memory of the CPU: no
-        context.finish()  # shader is to write there, and to wait first takes less time than to read at once
-        self._codes_read.read_into(rgb, size=values)
+        self._read(self._codes, rgb)
+
+    def find_surfaces(self, store: GpuStore, table: Float32) -> None:
+        """Find every pixel's nearest sample also among those that came since the image was made; `table` see run."""
+        self._objects.write(np.column_stack([table, np.zeros((len(table), 2))]).astype(np.float32))
+        if store.count:
+            self._reproject(store, contradicted=0, size=self._size)
+        self._surfaces = self._of_size(self._surfaces, 2 * WORD_BYTES * self._area)
+        samples = (store.arrays["screen_position"], store.arrays["object_id"])
+        self._device.compute("surfaces", self._area, (*samples, self._pixels, self._nearest, self._surfaces))
+
+    def read_surfaces(self, surfaces: Float32) -> None:
+        """(h, w, 2) float32, written: depth and object id of every pixel's nearest sample, see find_surfaces."""
+        self._read(self._surfaces, surfaces)
+
+    def make_channels(self, covered: Passes | None, rays: Float64) -> None:
+        """Make depth, object id and alpha of the image, and clear it where nothing is; find_surfaces comes before.
+
+        covered : whose image says how much of each pixel objects cover; None: all of it
+        rays : (3, 3) float64, see geometry.frusta.ray_frame, but from the centre of the first pixel
+        """
+        self._channels = self._of_size(self._channels, 3 * WORD_BYTES * self._area)
+        shares = self if covered is None else covered
+        corner, across, down = (tuple(map(float, row)) for row in rays)
+        self._device.compute(
+            "channels", self._area, (self._nearest, shares._shown, self._shown, self._channels),
+            size=self._size, transparent=int(covered is not None), corner=corner, across=across, down=down,
+        )  # fmt: skip
+
+    def read_channel(self, plane: int, values: NDArray[Any]) -> None:
+        """(h, w), written: depth (0), object id (1) or alpha (2), see make_channels."""
+        self._read(self._channels, values, start=plane * values.nbytes)
+
+    def read_newest_times(self, store: GpuStore, times: Float32) -> None:
+        """(h, w) float32, written: when every pixel's newest sample was traced, by the store's clock; -inf: none."""
+        self._times = self._of_size(self._times, times.nbytes)
+        buffers = (store.arrays["screen_position"], store.arrays["state"], self._times)
+        for stage, items in enumerate((self._area, store.count, self._area)):
+            if items:
+                self._device.compute("newest_times", items, buffers, stage=stage, size=self._size)
+        self._read(self._times, times)
+
+    def _read(self, source: Any, out: NDArray[Any], *, start: int = 0) -> None:
+        """Read what shaders wrote, from a byte on, by a copy: drivers keep what is read in the memory of the CPU.
+
+        No shader is to write there; and to wait first takes less time than to read at once.
+        """
+        self._copied = self._of_size(self._copied, out.nbytes)
+        self._device.context.copy_buffer(self._copied, source, out.nbytes, read_offset=start)
+        self._device.context.finish()
+        self._copied.read_into(out, size=out.nbytes)
+
+    def _of_size(self, buffer: Any, size: int) -> Any:
+        """The buffer, or a new one if it has fewer bytes. Raises GpuError where memory ends."""
+        return buffer if buffer.size >= size else reserve(self._device, -(-size // WORD_BYTES))
 
     def read_accumulation(self, accumulation: Float32) -> None:
         """(h, w, 8) float32, means and counts written."""
@@ -185,7 +237,7 @@ class Passes:
 
     def read_resolved(self, resolved: Float32) -> None:
         """(h, w, 3) float32, written: the image without what pixels accumulated."""
-        self._resolved.read_into(resolved)
+        self._read(self._resolved, resolved)
 
     def read_counts(self) -> Float32:
         """(h, w) float32: how many samples each pixel has accumulated."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Event, Float32, Float64, Rect, Samples
+from wall.core.data import Event, Float32, Float64, Framelet, Rect, Samples
 from wall.deepbuffer.deep_buffer import (
     CLOCK_ORIGIN_S,
     SAMPLES_PER_PIXEL,
@@ -23,7 +23,7 @@ from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.kernels.doubt import FRESH, doubt
 from wall.deepbuffer.kernels.insert import insert
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.pose import Posed
+from wall.deepbuffer.pose import Pose, Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.geometry.panels import Panel
@@ -34,7 +34,8 @@ from wall.reconstruction.gpu.relighting import Relighting
 from wall.reconstruction.gpu.store import GpuStore
 from wall.reconstruction.kernels.splat import mix_accumulation
 from wall.reconstruction.kernels.visibility import behind
-from wall.reconstruction.reconstruction import YOUNG_S, StoredSamples
+from wall.reconstruction.reconstruction import YOUNG_S
+from wall.reconstruction.stored import NearestSamples, StoredSamples
 from wall.scene.build import Scene
 from wall.scene.needs import needs
 
@@ -52,11 +53,15 @@ class GpuReconstruction:
         *,
         rect: Rect | None = None,
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
+        relighting: bool = True,
     ) -> None:
-        """`rect` is the part of the panel that is shown, all if None. Raises GpuError where there is no GPU for it."""
+        """`rect` is the part of the panel that is shown, all if None. Raises GpuError where there is no GPU for it.
+
+        `relighting`: else stored samples keep the light that they were traced in.
+        """
         if needs(scene).paths:
             raise GpuError("the noise of paths is filtered on the CPU alone", wanted="scene.integrator direct")
-        self.poses = PoseTracker(panel, eye, scene, rect, lit=needs(scene).relighting)
+        self.poses = PoseTracker(panel, eye, scene, rect, lit=relighting and needs(scene).relighting)
         self.rect = self.poses.rect
         width, height, objects = self.rect.width, self.rect.height, len(scene.instances) + 1
         self._kept, self._samples_per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
@@ -75,6 +80,7 @@ class GpuReconstruction:
         self._schedule = RestSchedule(self._history.arrived, TILE * TILE)
         self._resolved = np.zeros((height, width, 3), np.float32)
         self._radiance = np.zeros((height, width, 3), np.float32)
+        self._surfaces = np.zeros((0, 0, 2), np.float32)  # see find_nearest
         self._read = True  # whether that is what the GPU shows
         self._epoch = 0.0  # the store's clock zero
 
@@ -180,6 +186,59 @@ class GpuReconstruction:
         self._device.check()
         return StoredSamples(state[TIME], state[CONFIDENCE], screen, self._store.count, self._epoch)
 
+    @property
+    def pose(self) -> Pose:
+        """The pose that the image shows; only after a refresh."""
+        assert self.poses.pose is not None
+        return self.poses.pose
+
+    def find_nearest(self) -> NearestSamples:
+        """See Reconstruction; travels from the GPU. Raises GpuError if that is lost."""
+        if not self._surfaces.size:
+            self._surfaces = np.zeros((*self._radiance.shape[:2], 2), np.float32)
+        self._bring_up_to_date()
+        self._passes.find_surfaces(self._store, self.pose.panel_from_object)
+        self._passes.read_surfaces(self._surfaces)
+        self._device.check()
+        return NearestSamples(self._surfaces[..., 0], self._surfaces[..., 1])
+
+    @property
+    def on_gpu(self) -> bool:
+        """Whether the GPU has the image that is shown: while something moves, and it was not asked for."""
+        return not self._read
+
+    def write_channels(self, covered: GpuReconstruction | None, out: Framelet, *, stops: float) -> None:
+        """Write colour, depth, object id and alpha of an image that the GPU has, exposed by so many stops.
+
+        covered : an image on the GPU too, of where objects are, see channels.Coverage. Raises GpuError if the GPU is
+        lost.
+        """
+        planes = (out.depth, out.object_id, out.alpha)
+        if any(plane is not None for plane in planes):
+            self._bring_up_to_date()
+            self._passes.find_surfaces(self._store, self.pose.panel_from_object)
+            first, across, down = self.pose.frame
+            x, y = self.pose.corner + 0.5
+            rays = np.stack([first + x * across + y * down, across, down])
+            self._passes.make_channels(None if covered is None else covered._passes, rays)
+        if out.encoded:
+            self._passes.read_display(out.colour, gain_of(stops))
+        else:
+            self._passes.read_shown(out.colour)
+            if stops != 0.0:
+                out.colour *= gain_of(stops)
+        for k, plane in enumerate(planes):
+            if plane is not None:
+                self._passes.read_channel(k, plane)
+        self._device.check()
+
+    def write_newest_times(self, origin: float, time: Float32) -> None:
+        """See Reconstruction; travels from the GPU. Raises GpuError if that is lost."""
+        self._bring_up_to_date()
+        self._passes.read_newest_times(self._store, time)
+        self._device.check()
+        np.add(time, np.float64(self._epoch - origin), out=time, casting="same_kind")
+
     def accumulated_counts(self) -> Float32:
         """See Reconstruction; travels from the GPU while something moves. Raises GpuError if that is lost."""
         self._send(moving=not self.nothing_moves)
@@ -208,8 +267,7 @@ class GpuReconstruction:
         if self.poses.doubted is not None:
             self._store.doubt(self.poses.doubted, unlit=self.poses.lit)
             relit = relit | (self.poses.doubted != 0)
-        if (planes := self.poses.cuts.take()) is not None:
-            self._store.reject_cut_away(planes)
+        self._reject_cut_away()
         if self.poses.camera_moved:
             self._passes.clear_accumulation()
         elif stood and not self.nothing_moves:
@@ -229,6 +287,15 @@ class GpuReconstruction:
             self._store.pack()
         self._packing.end_refresh(self._store.count, tidied=due)
         self._device.check()
+
+    def _bring_up_to_date(self) -> None:
+        """Let what came since the last refresh into the channels; at rest samples of older edits may have come."""
+        self._send(moving=not self.nothing_moves)
+        self._reject_cut_away()
+
+    def _reject_cut_away(self) -> None:
+        if (planes := self.poses.cuts.take()) is not None:
+            self._store.reject_cut_away(planes)
 
     def _send(self, *, moving: bool) -> None:
         """Let the staged samples travel; in a moving image pixels accumulate them, and contradictions count."""

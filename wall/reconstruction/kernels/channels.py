@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.columns import DEPTH, NEAREST_DEPTH, NEAREST_OBJECT, X, Y
+from wall.deepbuffer.kernels.columns import DEPTH, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import FAR
 
@@ -59,14 +59,15 @@ def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, d
 
     Parameters
     ----------
-    nearest : (h, w, 4) float32, see PixelHistory
+    nearest : NearestSamples
     frame : (3, 3) float64, see geometry.frusta.ray_frame; corner : (2,) float64, of the panel in the virtual screen
     covered : (h, w, 3) float32, share of each pixel that objects cover, first of three | None: all is covered
     dirty : (rows, columns) bool
     colour : (h, w, 3), times coverage, cleared where nothing is; alpha : (h, w) float32 | None, written
     depth : (h, w) float32, written: distance from the eye, inf = background; object_id : (h, w) uint32 | None, written
     """
-    height, width = nearest.shape[0], nearest.shape[1]
+    shown, depths = nearest.object_id, nearest.depth
+    height, width = depths.shape
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
             if not dirty[row, column]:
@@ -77,15 +78,15 @@ def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, d
                     if covered is not None:
                         share = min(max(covered[i, j, 0], ZERO), ONE)
                     if share > ZERO:
-                        own_id = nearest[i, j, NEAREST_OBJECT]
+                        own_id = shown[i, j]
                         if own_id > ZERO or (own_id == ZERO and covered is None):
-                            near, near_id = nearest[i, j, NEAREST_DEPTH], own_id
+                            near, near_id = depths[i, j], own_id
                         else:
                             for di in range(max(i - 1, 0), min(i + 2, height)):
                                 for dj in range(max(j - 1, 0), min(j + 2, width)):
-                                    if nearest[di, dj, NEAREST_OBJECT] > ZERO and nearest[di, dj, NEAREST_DEPTH] < near:
-                                        near, near_id = nearest[di, dj, NEAREST_DEPTH], nearest[di, dj, NEAREST_OBJECT]
-                    if covered is not None and near == INFINITE and nearest[i, j, NEAREST_OBJECT] == ZERO:
+                                    if shown[di, dj] > ZERO and depths[di, dj] < near:
+                                        near, near_id = depths[di, dj], shown[di, dj]
+                    if covered is not None and near == INFINITE and shown[i, j] == ZERO:
                         share = ZERO
                         for c in range(3):
                             colour[i, j, c] = 0

@@ -8,10 +8,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.core.data import Event, Samples
 from wall.deepbuffer.deep_buffer import SORT_EVERY
 from wall.geometry.panels import Panel
+from wall.reconstruction.channels import Coverage, blank_framelet, show_reprojected
+from wall.reconstruction.choice import Wish, make_reconstruction
 from wall.reconstruction.gpu.device import GpuError, device
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
@@ -50,10 +53,42 @@ def measure(rounds: int) -> list[Row]:
     [cpu] = _refreshes([on_cpu], samples, event, min(rounds, 3))
     note = f"{gpu.renderer}, courtyard at {width}x{height}, {on_gpu.count / (width * height):.1f} samples a pixel"
     more = {"renderer": gpu.renderer, "width": width, "height": height, "cpu_ms": round(median(cpu), 2)}
+    layers: tuple[tuple[str, Wish, int], ...] = (("layer_ms", "gpu", rounds), ("layer_cpu_ms", "cpu", min(rounds, 3)))
+    for name, wish, some in layers:
+        [layer] = _refreshes([_Layer(wish, panel, plan)], samples, event, some)
+        more[name] = round(median(layer), 2)
     row = bounded(METRIC, median(took), LIMIT_MS, unit=UNIT, below=True, note=note, **more)
     if gpu.real:
         return [row]
     return [replace(row, met=None, ratio=None, note=f"{note}; the bar is for a GPU, this is a program on the CPU")]
+
+
+class _Layer:
+    """A layer with linear light, depth and alpha, as one that is compared by depth has."""
+
+    def __init__(self, wish: Wish, panel: Panel, plan: Plan) -> None:
+        self._image, covers, _ = make_reconstruction(
+            wish, panel, plan.view.eye, plan.scene, samples_per_pixel=SAMPLES_PER_PIXEL, transparent=True
+        )
+        assert covers is not None
+        self._coverage, self.rect = Coverage(covers), self._image.rect
+        self._framelet = blank_framelet(panel, frozenset({"colour", "depth", "alpha"}), encoded=False, order=0)
+
+    def insert(self, samples: Samples, base_time: float, event: Event) -> None:
+        colours, covered = self._coverage.split(samples)
+        self._image.insert(colours, base_time, event)
+        self._coverage.insert(covered, base_time, event)
+
+    def refresh(self, event: Event, now: float) -> None:
+        self._image.refresh(event, now)
+        self._dirty = self._coverage.refresh(event, now)
+
+    def take_dirty(self) -> NDArray[np.bool_]:
+        return self._dirty | self._image.take_dirty()
+
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
+        """Make the channels; bytes come behind the node that compares them."""
+        show_reprojected(self._image, self._coverage, dirty, self._framelet)
 
 
 def in_threads(rounds: int) -> list[Row]:
@@ -98,7 +133,7 @@ def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
 
 
 def _refreshes(
-    images: Sequence[GpuReconstruction | Reconstruction], samples: Samples, event: Event, rounds: int
+    images: Sequence[GpuReconstruction | Reconstruction | _Layer], samples: Samples, event: Event, rounds: int
 ) -> list[list[float]]:
     """Of each image, milliseconds from each of `rounds` events to the last display value; they take turns."""
     for image in images:
