@@ -14,7 +14,6 @@ from wall.core.data import Float32
 from wall.deepbuffer.kernels.accumulation import clear_accumulation
 from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import OUTSIDE
 
 LISTED = 8  # one pixel in so many is cleared by itself: of more, whole tiles are
 
@@ -48,7 +47,7 @@ class SampleStore(NamedTuple):
             radiance=np.zeros((capacity, 4), np.float32),
             time=np.zeros(capacity, np.float32),
             confidence=np.zeros(capacity, np.float32),
-            screen_position=np.full((3, capacity), OUTSIDE, np.float32),
+            screen_position=np.zeros((3, capacity), np.float32),  # depth 0 is outside too; memory comes with samples
             normal=np.zeros(described, np.uint16),
             light_visibility=np.zeros(lit * capacity, np.uint32),
             albedo=np.zeros((3, described), np.float32),
