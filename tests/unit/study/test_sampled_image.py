@@ -1,4 +1,4 @@
-"""The experiment's adaptive method makes its image as a renderer does: of fewer pixels, and samples, where it is late."""
+"""The experiment's adaptive method makes its image as a renderer does: of fewer pixels and samples where it is late."""
 
 from __future__ import annotations
 
