@@ -42,7 +42,7 @@ MOST_DEVICES = 16  # of EGL that are looked at
 _COMPUTE = (
     "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh",
     "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
-    "doubt", "cut_away", "splat", "collect", "accumulate", "surfaces", "newest_times",
+    "doubt", "cut_away", "splat", "collect", "accumulate", "unload", "surfaces", "newest_times",
     "channels",
 )  # fmt: skip
 _INTERPOLATING = ("expand", "resolve")  # read the coarser level

@@ -12,6 +12,7 @@ from wall.core.data import Float32, Float64
 from wall.deepbuffer.kernels.change import TRUSTED
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.reconstruction.gpu.device import GROUP, OBJECT_WORDS, Device, GpuError
+from wall.reconstruction.gpu.readback import Readback
 from wall.reconstruction.gpu.store import WORD_BYTES, GpuStore, reserve
 from wall.reconstruction.kernels.visibility import Behind
 from wall.reconstruction.pyramid import pyramid_sizes
@@ -41,7 +42,7 @@ class Passes:
         self._resolved, self._shown = reserve(device, 3 * self._area), reserve(device, 3 * self._area)
         self._curve = device.context.buffer(srgb_curve().astype(np.uint32))
         self._codes = reserve(device, 3 * -(-self._area // PIXELS_A_DISPLAY_ITEM))
-        self._copied = reserve(device, 1)  # see _read
+        self._readback = Readback(device)
         self._surfaces, self._channels, self._times = (reserve(device, 1) for _ in range(3))  # once they are asked for
         self._changes = reserve(device, 1)
         self._sums = reserve(device, CHANNELS * (width + 2) * (height + 2))  # zero but for while samples are added
@@ -169,13 +170,13 @@ class Passes:
 
     def read_shown(self, shown: Float32) -> None:
         """(h, w, 3) float32, written: the image."""
-        self._read(self._shown, shown)
+        self._readback.read(self._shown, shown)
 
     def read_display(self, rgb: NDArray[np.uint8], gain: np.float32) -> None:
         """(h, w, 3) uint8, written: the image times `gain` as sRGB."""
         items, values = -(-self._area // PIXELS_A_DISPLAY_ITEM), 3 * self._area
         self._device.compute("display", items, (self._shown, self._curve, self._codes), values=values, gain=gain)
-        self._read(self._codes, rgb)
+        self._readback.read(self._codes, rgb)
 
     def find_surfaces(self, store: GpuStore, table: Float32) -> None:
         """Find every pixel's nearest sample also among those that came since the image was made; `table` see run."""
@@ -188,7 +189,7 @@ class Passes:
 
     def read_surfaces(self, surfaces: Float32) -> None:
         """(h, w, 2) float32, written: depth and object id of every pixel's nearest sample, see find_surfaces."""
-        self._read(self._surfaces, surfaces)
+        self._readback.read(self._surfaces, surfaces)
 
     def make_channels(self, covered: Passes | None, rays: Float64) -> None:
         """Make depth, object id and alpha of the image, and clear it where nothing is; find_surfaces comes before.
@@ -206,7 +207,7 @@ class Passes:
 
     def read_channel(self, plane: int, values: NDArray[Any]) -> None:
         """(h, w), written: depth (0), object id (1) or alpha (2), see make_channels."""
-        self._read(self._channels, values, start=plane * values.nbytes)
+        self._readback.read(self._channels, values, first=plane * self._area)
 
     def read_newest_times(self, store: GpuStore, times: Float32) -> None:
         """(h, w) float32, written: when every pixel's newest sample was traced, by the store's clock; -inf: none."""
@@ -215,17 +216,7 @@ class Passes:
         for stage, items in enumerate((self._area, store.count, self._area)):
             if items:
                 self._device.compute("newest_times", items, buffers, stage=stage, size=self._size)
-        self._read(self._times, times)
-
-    def _read(self, source: Any, out: NDArray[Any], *, start: int = 0) -> None:
-        """Read what shaders wrote, from a byte on, by a copy: drivers keep what is read in the memory of the CPU.
-
-        No shader is to write there; and to wait first takes less time than to read at once.
-        """
-        self._copied = self._of_size(self._copied, out.nbytes)
-        self._device.context.copy_buffer(self._copied, source, out.nbytes, read_offset=start)
-        self._device.context.finish()
-        self._copied.read_into(out, size=out.nbytes)
+        self._readback.read(self._times, times)
 
     def _of_size(self, buffer: Any, size: int) -> Any:
         """The buffer, or a new one if it has fewer bytes. Raises GpuError where memory ends."""
@@ -237,7 +228,7 @@ class Passes:
 
     def read_resolved(self, resolved: Float32) -> None:
         """(h, w, 3) float32, written: the image without what pixels accumulated."""
-        self._read(self._resolved, resolved)
+        self._readback.read(self._resolved, resolved)
 
     def read_counts(self) -> Float32:
         """(h, w) float32: how many samples each pixel has accumulated."""
