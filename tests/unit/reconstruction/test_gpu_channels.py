@@ -145,7 +145,9 @@ def test_all_channels_are_the_same_in_motion_at_rest_and_after_it(
     assert np.isfinite(layers.shown.channel("time")).mean() > 0.3
 
 
-@pytest.mark.parametrize("left_out", [frozenset(), {"time"}, {"depth", "alpha", "object_id"}], ids=["nothing", "time", "surfaces"])
+@pytest.mark.parametrize(
+    "left_out", [frozenset(), {"time"}, {"depth", "alpha", "object_id"}], ids=["nothing", "time", "surfaces"]
+)
 def test_what_came_during_a_rest_is_in_the_channels_at_once(
     opengl: Device, compiled_only: None, left_out: Channels
 ) -> None:
