@@ -1,4 +1,7 @@
-"""Enlarge an image of fewer pixels: smooth channels bilinearly, the others by the nearest pixel that shows anything."""
+"""Enlarge an image of fewer pixels: smooth channels bilinearly, the others by the nearest pixel that shows anything.
+
+Display codes by a Catmull-Rom spline (Catmull and Rom 1974; Keys 1981) that is kept from overshooting.
+"""
 
 from __future__ import annotations
 
@@ -52,15 +55,14 @@ def interpolate(source, row, row_share, column, column_share, dirty, out):
 
 
 @kernel
-def enlarge_codes(small, row, row_share, first, second, share, dirty, rgb):
-    """Write the dirty tiles of an enlarged image of display codes: each between the four around its centre, rounded.
+def enlarge_codes(small, row, row_weight, column, weight, dirty, rgb):
+    """Write the dirty tiles of an enlarged image of display codes: cubic between four, within the middle two, rounded.
 
     Parameters
     ----------
     small : (h, 3 w) uint8
-    row, row_share : see interpolate
-    first, second : (3 W,) int32, the two of a row of `small` around each value of a row of `rgb`
-    share : (3 W,) float32, of the second
+    row : (H, 4) int32, the rows of `small` around each row of `rgb`; row_weight : (H, 4) float32
+    column, weight : (4, 3 W), likewise, the values of a row of `small` around each value of a row of `rgb`
     dirty : (rows, columns) bool, tiles of `rgb`
     rgb : (H, 3 W) uint8, written
     """
@@ -72,15 +74,24 @@ def enlarge_codes(small, row, row_share, first, second, share, dirty, rgb):
             while end < dirty.shape[1] and dirty[tile, end] == dirty[tile, start]:  # a run of tiles
                 end += 1
             left, right = start * edge, min(end * edge, rgb.shape[1])
-            i, j, g = first[left:right], second[left:right], share[left:right]
             for y in range(tile * TILE, min((tile + 1) * TILE, rgb.shape[0]) if dirty[tile, start] else 0):
-                upper, lower, f, out = small[row[y, 0]], small[row[y, 1]], row_share[y], rgb[y, left:right]
-                for k in range(first[left], second[right - 1] + 1):
-                    line[k] = np.float32(upper[k]) + f * (np.float32(lower[k]) - np.float32(upper[k]))
-                for k in range(right - left):
-                    a, b = line[uint32(i[k])], line[uint32(j[k])]
-                    out[k] = np.uint8(np.int32(a + g[k] * (b - a) + HALF))
+                first, second, third, fourth = small[row[y, 0]], small[row[y, 1]], small[row[y, 2]], small[row[y, 3]]
+                p, q, r, s = row_weight[y]
+                for k in range(column[0, left], column[3, right - 1] + 1):
+                    b, c = np.float32(second[k]), np.float32(third[k])
+                    line[k] = limited(p * np.float32(first[k]) + q * b + r * c + s * np.float32(fourth[k]), b, c)
+                for k in range(left, right):
+                    b, c = line[uint32(column[1, k])], line[uint32(column[2, k])]
+                    outer = weight[0, k] * line[uint32(column[0, k])] + weight[3, k] * line[uint32(column[3, k])]
+                    value = limited(outer + weight[1, k] * b + weight[2, k] * c, b, c)
+                    rgb[y, k] = np.uint8(np.int32(value + HALF))
             start = end
+
+
+@inline_kernel
+def limited(value, a, b):
+    """The value, or the one of a and b that it lies beyond: what overshoots at an edge would ring."""
+    return min(max(value, min(a, b)), max(a, b))
 
 
 @kernel
