@@ -22,6 +22,7 @@ from wall.deepbuffer.kernels import reproject_rows as kernels_rows
 from wall.deepbuffer.kernels import sort as kernels_sort
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import BEFORE
+from wall.deepbuffer.kernels.coverage import count_by_cell
 from wall.deepbuffer.kernels.doubt import FRESH
 from wall.deepbuffer.kernels.evict import AGES, evict, oldest_kept
 from wall.deepbuffer.kernels.pixel_buffer import TILE
@@ -37,6 +38,8 @@ SORT_EVERY = 8  # refreshes, by object
 BY_TILE_EVERY = 4  # sorts: then by tile first; neighbours stay neighbours for long
 CLOCK_ORIGIN_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
+CELLS = (9, 16)  # parts of an image of which it is told whether samples show there
+LOOKED_AT = 16  # samples on average of each
 ALL_TIMES = np.float32(-np.inf)
 OTHER_MOMENTS = MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
 
@@ -111,6 +114,17 @@ class DeepBuffer:
         self.count = kernels_sort.copy_newer(other.store, other.count, latest, self.store)
         everything = np.ones(self._objects + 1, np.uint8)
         self.reproject(everything, everything, np.zeros_like(self.history.dirty))
+
+    def covers(self, event: Posed) -> float:
+        """The share of the image that its samples would show under an event, told by some of them.
+
+        A part counts that has a quarter of the samples that it would have if they were spread evenly.
+        """
+        rect, cells = self.poses.rect, np.zeros(CELLS, np.int32)
+        step = max(1, self.count // (LOOKED_AT * cells.size))
+        table, size = self.poses.table(event), (np.float32(rect.width), np.float32(rect.height))
+        looked_at = count_by_cell(self.store, self.count, step, table, *size, cells)
+        return float((cells >= max(1.0, 0.25 * looked_at / cells.size)).mean())
 
     def forget(self, samples: Samples, base_time: float) -> None:
         """Reject the samples of one insert, whose packet was lost, and what their pixels have accumulated.
@@ -245,6 +259,7 @@ class DeepBuffer:
         kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
         kernels_change.reject_contradicted(store, 0, history)
         self.give_back(self.part(history.dirty)[1])
+        count_by_cell(store, 0, 1, np.zeros((objects + 1, 12), np.float32), now, now, np.zeros(CELLS, np.int32))
         evict(store, 0, 0, oldest_kept(store, 0, now, self._kept, self._ages))
         kernels_doubt.doubt(store, 0, 0, none, False)
         if self.poses.cuts.used:

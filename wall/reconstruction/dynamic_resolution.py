@@ -21,11 +21,13 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel, of_fewer_pixels
 from wall.reconstruction.display_values import update_display
-from wall.reconstruction.enlarging import Axis
+from wall.reconstruction.enlarging import Axis, CubicAxis
 from wall.reconstruction.kernels import enlarge as kernels
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.reconstruction.stored import StoredSamples
 from wall.scene.build import Scene
+
+FINER = 4.25  # samples a pixel: one for each pixel of an image of twice as many each way, sizes being rounded
 
 
 class DynamicResolution:
@@ -39,13 +41,14 @@ class DynamicResolution:
         samples_per_pixel: float = SAMPLES_PER_PIXEL, threads: int = 1, scale: int = 1,
     ) -> None:  # fmt: skip
         """`scale` to begin with; others: see Reconstruction."""
-        self._panel, self._threads = panel, Threads(threads)
-        self._make: Callable[[Panel], Reconstruction] = partial(
-            Reconstruction, eye=eye, scene=scene, detects_change=detects_change, samples_per_pixel=samples_per_pixel,
-            threads=threads,
-        )  # fmt: skip
+        self._panel, self._threads, self._samples_per_pixel = panel, Threads(threads), samples_per_pixel
+        self._make: Callable[..., Reconstruction] = partial(
+            Reconstruction, eye=eye, scene=scene, detects_change=detects_change, threads=threads
+        )
         self.scale, self._next, self.refreshes = scale, scale, 0
-        self._made = {scale: self._make(of_fewer_pixels(panel, 1.0 / scale))}
+        self.gathers = False  # keep enough samples for an image that is finer by one step
+        self._made: dict[int, Reconstruction] = {}
+        self._make_at(scale)
         self.rect = Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
         self._share, self._rescaled = 1.0, False  # since tiles were taken
         self._enlarged: Enlarged | None = None
@@ -60,12 +63,31 @@ class DynamicResolution:
         """From the next refresh on make the image at another resolution, of the samples that are stored."""
         self._next = scale
 
+    def begin(self, scale: int) -> None:
+        """Forget every sample, and store those that come in an image of that resolution from now on."""
+        self._make_at(scale)
+        self.scale, self._next, self._rescaled = scale, scale, True
+        self.current.clear()
+        self._keep()
+
+    def covers(self, event: Event) -> float:
+        """The share of the image that the stored samples would show under another event, roughly."""
+        return self.current.buffer.covers(event)
+
     def _rescale(self) -> None:
-        if self._next not in self._made:
-            self._made[self._next] = self._make(of_fewer_pixels(self._panel, 1.0 / self._next))
+        self._make_at(self._next)
         before, self.scale, self._rescaled = self.current, self._next, True
+        self._keep()
         self.current.take_over(before)
-        self.current.buffer.keep(self._share)
+
+    def _make_at(self, scale: int) -> None:
+        if scale not in self._made:
+            panel = of_fewer_pixels(self._panel, 1.0 / scale)
+            self._made[scale] = self._make(panel, samples_per_pixel=self._most_at(scale))
+
+    def _most_at(self, scale: int) -> float:
+        """Samples a pixel that an image has room for: of one of fewer pixels, what the next finer one has."""
+        return self._samples_per_pixel if scale == 1 else max(self._samples_per_pixel, FINER)
 
     def to_image(self, samples: Samples) -> Samples:
         """Samples of the panel as samples of the image that is made: themselves at full resolution, else copies."""
@@ -95,7 +117,11 @@ class DynamicResolution:
     def keep(self, share: float) -> None:
         """Keep that share of the samples that are kept where refreshes are made in time."""
         self._share = share
-        self.current.buffer.keep(share)
+        self._keep()
+
+    def _keep(self) -> None:
+        wanted = self._share * self._samples_per_pixel / self._most_at(self.scale)
+        self.current.buffer.keep(1.0 if self.gathers and self.scale > 1 else wanted)
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`, see Reconstruction."""
@@ -191,15 +217,12 @@ class DynamicResolution:
 
 
 class Enlarged:
-    """An image of fewer pixels, brought to those of its panel: each pixel between the four around its centre."""
+    """An image of fewer pixels, brought to those of its panel: each pixel between those around its centre."""
 
     def __init__(self, small: Rect, large: Rect) -> None:
         self.small, self._large = small, large
         self.codes: NDArray[np.uint8] = np.zeros((small.height, small.width, 3), np.uint8)  # what `display` shows
-        self._down, self._across = Axis(small.height, large.height), Axis(small.width, large.width)
-        columns = 3 * self._across.pixels[:, :, None] + np.arange(3, dtype=np.int32)  # (width, 2, 3)
-        self._first, self._second = (np.ascontiguousarray(columns[:, k].reshape(-1)) for k in (0, 1))
-        self._share = np.repeat(self._across.share, 3)
+        self._down, self._across = CubicAxis(small.height, large.height), CubicAxis(small.width, large.width)
         self._dirty = np.zeros((len(self._down.first_tile), len(self._across.first_tile)), np.bool_)
 
     def compile(self) -> None:
@@ -215,16 +238,17 @@ class Enlarged:
 
     def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], top: int, bottom: int) -> None:
         """Enlarge `codes` to the dirty tiles of `rgb` (h, w, 3), in its rows top to bottom - 1, whole tiles."""
-        down, part = self._down, rgb[top:bottom]
+        down, across = self._down, self._across
         kernels.enlarge_codes(
-            self.codes.reshape(self.small.height, -1), down.pixels[top:bottom], down.share[top:bottom], self._first,
-            self._second, self._share, dirty[top // TILE : -(-bottom // TILE)], part.reshape(len(part), -1),
+            self.codes, down.pixels[top:bottom], down.weights[top:bottom], across.pixels, across.weights,
+            dirty[top // TILE : -(-bottom // TILE)], rgb[top:bottom],
         )  # fmt: skip
 
     def enlarged(self, radiance: Float32) -> Float32:
-        """(h, w, 3) float32 linear RGB of the large image."""
+        """(h, w, 3) float32 linear RGB of the large image, bilinear."""
         light: Float32 = np.zeros((self._large.height, self._large.width, 3), np.float32)
-        down, across, everywhere = self._down, self._across, np.ones_like(self._dirty)
+        down, across = Axis(self.small.height, self._large.height), Axis(self.small.width, self._large.width)
+        everywhere = np.ones_like(self._dirty)
         kernels.interpolate(radiance, down.pixels, down.share, across.pixels, across.share, everywhere, light)
         return light
 

@@ -25,6 +25,23 @@ class Axis:
         self.last_tile = np.maximum.reduceat(self.pixels[:, 1], range(0, large, TILE)) // TILE
 
 
+class CubicAxis:
+    """For each pixel of a row or a column of the large image the four of the small one around its centre."""
+
+    def __init__(self, small: int, large: int) -> None:
+        centre = (np.arange(large) + 0.5) * (small / large) - 0.5
+        first = np.floor(centre)
+        f = centre - first
+        self.pixels = np.clip(first[:, None] + np.arange(-1, 3), 0, small - 1).astype(np.int32)  # (large, 4)
+        cubic = (
+            ((-0.5 * f + 1.0) * f - 0.5) * f, (1.5 * f - 2.5) * f * f + 1.0, ((-1.5 * f + 2.0) * f + 0.5) * f,
+            (0.5 * f - 0.5) * f * f,
+        )  # fmt: skip
+        self.weights: Float32 = np.stack(cubic, axis=1).astype(np.float32)  # (large, 4)
+        self.first_tile = np.minimum.reduceat(self.pixels[:, 0], range(0, large, TILE)) // TILE
+        self.last_tile = np.maximum.reduceat(self.pixels[:, 3], range(0, large, TILE)) // TILE
+
+
 class Enlarger:
     """Brings the framelet of a panel to what a smaller framelet shows. Colours are light, premultiplied by alpha."""
 

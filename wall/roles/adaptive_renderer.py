@@ -19,7 +19,7 @@ from wall.reconstruction.dynamic_resolution import DynamicResolution
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, make_predictor
 from wall.roles.renderer_image import SETTLED_S, OwnImage
-from wall.sampling.adaptive import AdaptiveSampler
+from wall.sampling.adaptive import FOOTPRINT_MOVING, AdaptiveSampler
 from wall.sampling.base import Targets
 from wall.sampling.tiles import Measured
 from wall.scene.needs import needs
@@ -70,18 +70,15 @@ class AdaptiveRenderer:
         self._expected: Event | None = None  # how that goes on
         self._bands: deque[tuple[float, Targets]] = deque()  # see Scan.bands: chosen, but not traced yet
         self._traced: Event | None = None  # that of the newest batch
+        self._chose_at, self._sweeps = 0.0, False  # when it was chosen; it is of a sweep
 
     def choose(self, newest: Event) -> Targets | None:
         """Returns the next batch's targets from the sampler; first refreshes the deep buffer if that is due."""
-        now = self._clock.now()
+        now = self._chose_at = self._clock.now()
         if self._shown is not None:
-            if self._event is None or self.reconstruction.refreshes != self._refreshes:  # rays are for what is shown
-                self._refreshes = self.reconstruction.refreshes
-                self._expected = self._shown.expected or newest
-                self._event = foreseen(newest, self._expected)
-                self._replan(now)
-            elif newest.edits.number != self._event.edits.number:  # an edit is seen at once, wherever the camera is
-                self._event = replace(self._event, edits=newest.edits, scene_event=newest.scene_event)
+            if (swept := self._follow(newest, self._shown, now)) is not None:
+                self._traced = swept.event
+                return swept
         elif now >= self._due:
             self.reconstruction.refresh(self._panel_view(self._expect(newest, now)), now)
             self._rested = self._rested + 1 if self.reconstruction.nothing_moves else 0
@@ -98,6 +95,25 @@ class AdaptiveRenderer:
             targets = replace(targets, xy=self.reconstruction.to_panel(targets.xy), footprint=scale * targets.footprint)
         self._traced = targets.event if targets is not None else self._traced
         return targets
+
+    def _follow(self, newest: Event, shown: OwnImage, now: float) -> Targets | None:
+        """Rays are for what is shown. Returns those of a sweep that makes the image finer, if there is one."""
+        refinement, image = shown.refinement, shown.reconstruction
+        xy = refinement.take(self._sampling.samples_per_batch)
+        self._sweeps = len(xy) > 0
+        other = not self._sweeps and self._sampler_of(image.current.rect) is not self.sampler
+        if self._event is None or image.refreshes != self._refreshes or other:
+            self._refreshes = image.refreshes
+            self._expected = shown.expected or newest
+            self._event = foreseen(newest, self._expected)
+            if not self._sweeps:
+                self._replan(now)
+        elif newest.edits.number != self._event.edits.number:  # an edit is seen at once, wherever the camera is
+            self._event = replace(self._event, edits=newest.edits, scene_event=newest.scene_event)
+        if not self._sweeps:
+            return None
+        event = newest if refinement.first else self._event
+        return Targets(xy=xy, event=event, footprint=FOOTPRINT_MOVING * refinement.scale)
 
     def _replan(self, now: float) -> None:
         """Score the pixels of the image that was refreshed anew.
@@ -139,7 +155,10 @@ class AdaptiveRenderer:
         if self._traced is not None:
             in_image = self._in_image(samples)
             self.reconstruction.insert(in_image, base_time, self._panel_view(self._traced))
-            self.sampler.observe(in_image)
+            if not self._sweeps:
+                self.sampler.observe(in_image)
+            if self._shown is not None:
+                self._shown.refinement.traced(len(samples), self._chose_at, self._clock.now(), swept=self._sweeps)
             samples["change"] = in_image["change"]
 
     def _in_image(self, samples: Samples) -> Samples:
@@ -178,6 +197,8 @@ class AdaptiveRenderer:
     def restart(self) -> None:
         """Removes all samples and makes the next refresh due at once."""
         self.reconstruction.clear()
+        if self._shown is not None:
+            self._shown.refinement.end()
         self._bands.clear()
         self._due = float("-inf")
 

@@ -13,13 +13,18 @@ from wall.roles.edges import NEVER, summed_number
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan
-from wall.roles.resolution import ResolutionChoice
+from wall.roles.refinement import Refinement
+from wall.roles.resolution import ResolutionChoice, first_scale
 from wall.roles.sample_budget import SampleBudget
 from wall.roles.updates import UpdatesShown
 from wall.roles.view import FollowedView
 
 SHARE_OF_STILL_TIME = 0.25  # likewise where nothing has moved for SETTLED_S: rays make it better, and it cannot be late
 SETTLED_S = 1.0
+NEW_SHARE = 0.25  # of the pixels of a coarse image where nothing moves: with so many new samples it is refreshed,
+LONGEST_PERIODS = 4  # or after so many periods; and at once where a sweep ends
+KNOWN = 0.5  # of the image: where samples show less of it, its camera has jumped
+LONGEST_SWEEP_S = 0.15  # until something is shown after a jump, whatever is missing
 SHARE_OF_TIME = 0.9  # of a view's time at most spent on refreshes; rarer ones lag by more, see docs/lab/live.md
 
 
@@ -33,6 +38,10 @@ class OwnImage:
         self.weight = plan.layout.config.views[region.view].weight
         self._moved_at = -math.inf  # the last refresh that showed another event than the one before, seconds
         self._budget, self._resolution = SampleBudget(), ResolutionChoice(self._layer.panel)
+        self.refinement = Refinement(self._layer.panel, self.view.period)
+        self._refines = self._layer.panel.scan is None and not plan.layout.config.barrier
+        self._waits, self._due = math.inf, -math.inf  # for so many samples; when a refresh is due once they came
+        self._swept_by = math.inf  # then an image is shown, whether its first sweep has ended or not
         self.expected: Event | None = None  # what the last refresh shows
         self.refreshing_s = 0.0  # seconds spent on refreshes so far
         self.rests = False  # the last refresh was of the newest event, and changed nothing
@@ -51,6 +60,19 @@ class OwnImage:
             self._composition.follow(event)
             self.rests = self.rests and event == before
             self._hasten()
+            if before is not None and before.camera != event.camera:
+                self._refine_after_jump(event)
+
+    def _refine_after_jump(self, event: Event) -> None:
+        """Begin anew, coarsely, where the samples that are stored show little of what is seen now."""
+        layer, refinement = self._layer, self.refinement
+        if not self._refines or not layer.reprojects or self.expected is None:
+            return
+        if layer.reprojected.covers(event) < KNOWN:
+            if not refinement.first:
+                self._swept_by = self._clock.now() + LONGEST_SWEEP_S
+            self.reconstruction.gathers = True
+            self.reconstruction.begin(refinement.begin(first_scale(layer.panel)))
 
     def insert(self, batch: Batch) -> None:
         """Show a batch from the next refresh on."""
@@ -58,6 +80,12 @@ class OwnImage:
         self._resolution.note(len(batch.samples))
         self.rests = False
         self._hasten()
+        self._waits -= len(batch.samples)
+        if self.refinement.swept:
+            self.reconstruction.rescale(self.refinement.scale)
+            self.view.due = min(self.view.due, self._clock.now())
+        elif self._waits <= 0.0:
+            self.view.due = min(self.view.due, self._due)
 
     def _hasten(self) -> None:
         if self._composition.take_edited(self.view.index):
@@ -72,6 +100,9 @@ class OwnImage:
         view = self.view
         if view.event is None or now < view.due:
             return False
+        if self.refinement.first and not self.refinement.swept and now < self._swept_by:
+            view.due = self._swept_by  # or once it is swept: until then the image before the jump stays
+            return False
         began = self._clock.now()
         before, self.expected = self.expected, view.begin_refresh(now)
         expected = self.expected
@@ -81,19 +112,44 @@ class OwnImage:
         self._layer.reprojected.keep(self._budget.after(view.lateness))
         changed = self._composition.refresh(expected, now)
         self.rests = not changed and expected.number == view.event.number
-        self._choose_resolution(still=before is not None and before.camera == expected.camera)
         took = self._clock.now() - began
+        self.refinement.refreshed(self.reconstruction.scale, took)
+        self._choose_resolution(still=before is not None and before.camera == expected.camera)
+        refines = self._only_rays_help(before, expected)
+        view.may_wait = view.may_wait or refines
         self.refreshing_s += took
         view.made(took)
         view.soonest = max(view.soonest, now + took / (SHARE_OF_TIME * share))
         most = SHARE_OF_STILL_TIME if view.may_wait else SHARE_OF_TIME
         view.due = max(view.due, now + took / (most * share))
+        self._waits = math.inf
+        if refines:
+            if not self.refinement.active:
+                self._waits, self._due = NEW_SHARE * self.reconstruction.current.rect.area, view.due
+            view.due = max(view.due, now + LONGEST_PERIODS * view.period)
         return True
 
     def _choose_resolution(self, *, still: bool) -> None:
         """After a refresh; `still`: the camera stood."""
-        image = self.reconstruction
-        image.rescale(self._resolution.after(self._clock.now(), still=still, stored=image.count))
+        image, refinement, now = self.reconstruction, self.refinement, self._clock.now()
+        if refinement.active and not self._layer.reprojects:
+            refinement.end()
+        if refinement.active:
+            refinement.shown(still=still or refinement.first)
+            if not refinement.active:
+                scale = refinement.scale if still else image.scale
+                self._resolution.resume(now, scale, still=still)
+                image.rescale(scale)
+        else:
+            image.rescale(self._resolution.after(now, still=still, stored=image.count))
+        image.gathers = refinement.active or still
+
+    def _only_rays_help(self, before: Event | None, expected: Event) -> bool:
+        """Whether nothing moves, and the image is coarse or being swept."""
+        if not self._refines or not self._layer.reprojects or expected is not self.view.event:
+            return False
+        stood = before is not None and before.number == expected.number
+        return self.refinement.active or (stood and not self.whole)
 
     @property
     def whole(self) -> bool:

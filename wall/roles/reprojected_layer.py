@@ -140,6 +140,10 @@ class ReprojectedLayer:
         """At the renderer: keep that share of the samples that are kept where refreshes are made in time."""
         self.shared().keep(share)
 
+    def covers(self, event: Event) -> float:
+        """At the renderer: the share of the image that stored samples would show under an event, roughly."""
+        return self.shared().covers(self._panel_view(event))
+
     def _give_up(self, error: GpuError) -> None:
         self._counters["gpu_lost"] += 1
         if self._wish == "gpu":

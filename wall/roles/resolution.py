@@ -60,6 +60,12 @@ class ResolutionChoice:
                 self._begin(now, self.scale // 2)
         return self.scale
 
+    def resume(self, now: float, scale: int, *, still: bool) -> None:
+        """Go on from a scale that something else chose, the camera moves or stands."""
+        self._still = still
+        self._moving = self._moving if still else scale
+        self._begin(now, scale)
+
     def _of_moving(self, samples: float) -> int:
         """The scale where so many samples came a second."""
         scale, rate, self._patience = self.scale, samples * self.scale**2 / self._pixels, max(self._patience - 1, 0)

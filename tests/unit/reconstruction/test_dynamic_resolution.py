@@ -132,16 +132,17 @@ def test_an_edit_that_comes_with_another_resolution_is_not_missed(samples: Sampl
     assert doubted(True) == pytest.approx(doubted(False), rel=0.02)
 
 
-def test_enlarged_codes_are_those_between_the_four_around_to_one_rounding(random_numbers: np.random.Generator) -> None:
+def test_enlarged_codes_are_on_a_cubic_between_four_and_never_beyond_the_middle_two(
+    random_numbers: np.random.Generator,
+) -> None:
     small, large = Rect(x=0, y=0, width=7, height=5), Rect(x=0, y=0, width=27, height=21)
     enlarged = Enlarged(small, large)
     enlarged.codes[:] = random_numbers.integers(0, 256, enlarged.codes.shape)
-    light: Float32 = enlarged.codes.astype(np.float32)
     rgb = np.zeros((21, 27, 3), np.uint8)
     dirty = np.ones((2, 2), np.bool_)
     dirty[1, 1] = False
     enlarged.display(dirty, rgb, 0, 21)
-    wanted = enlarged.enlarged(light)
+    wanted = cubic(cubic(enlarged.codes.astype(float).swapaxes(0, 1), 27).swapaxes(0, 1), 21)  # rows, then columns
     drawn = np.ones((21, 27), np.bool_)
     drawn[16:, 16:] = False
     assert np.abs(rgb[drawn] - wanted[drawn]).max() <= 0.5 + 1e-3
@@ -150,3 +151,23 @@ def test_enlarged_codes_are_those_between_the_four_around_to_one_rounding(random
     enlarged.codes[:] = 77
     enlarged.display(np.ones_like(dirty), plain, 0, 21)
     assert_array_equal(plain, 77)
+
+
+def cubic(values: np.ndarray, count: int) -> np.ndarray:
+    """Values of `count` rows, by a Catmull-Rom spline through those given; see CubicAxis."""
+    rows = []
+    for k in range(count):
+        at = (k + 0.5) * len(values) / count - 0.5
+        i, f = int(np.floor(at)), at - np.floor(at)
+        a, b, c, d = (values[min(max(i + n, 0), len(values) - 1)] for n in (-1, 0, 1, 2))
+        spline = b + 0.5 * f * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a)))
+        rows.append(np.clip(spline, np.minimum(b, c), np.maximum(b, c)))
+    return np.array(rows)
+
+
+def test_light_of_an_enlarged_image_is_between_the_four_around(random_numbers: np.random.Generator) -> None:
+    small, large = Rect(x=0, y=0, width=5, height=4), Rect(x=0, y=0, width=10, height=8)
+    light: Float32 = random_numbers.random((4, 5, 3)).astype(np.float32)
+    found = Enlarged(small, large).enlarged(light)
+    middle = 0.5625 * light[1, 1] + 0.1875 * (light[1, 2] + light[2, 1]) + 0.0625 * light[2, 2]
+    assert found[3, 3] == pytest.approx(middle, rel=1e-5)

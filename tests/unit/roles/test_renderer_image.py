@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from wall.config.loading import loads
 from wall.core.clock import ManualClock
+from wall.core.data import Camera
 from wall.core.errors import ConfigError
+from wall.geometry.twist import rotation_by
 from wall.packets.control import parse_control
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import is_samples
+from wall.roles import refinement
 from wall.roles.adaptive_renderer import AdaptiveRenderer
 from wall.roles.plan import (
     Layout,
@@ -26,7 +29,7 @@ from wall.roles.plan import (
     reconstructed_at_renderers,
     why_not_at_renderer,
 )
-from wall.roles.renderer_image import RendererImage
+from wall.roles.renderer_image import LONGEST_SWEEP_S, RendererImage
 from wall.roles.sample_budget import LEAST_SHARE
 from wall.run.single_process import SingleProcess
 from wall.run.tracers import Tracers
@@ -177,6 +180,10 @@ class OneRenderer:
     def refresh(self) -> list[bytes]:
         """What is sent by a refresh."""
         self.clock.advance(0.1)
+        return self.images_sent()
+
+    def images_sent(self) -> list[bytes]:
+        """What is sent now."""
         return [offer.packet for offer in self.images.on_tick(self.clock.now())]
 
 
@@ -284,3 +291,79 @@ def move(one: OneRenderer, seconds: float) -> None:
     one.event = replace(event, camera_event=event.camera_event + 1, camera=camera)
     one.image.follow(one.event)
     list(one.images.on_tick(one.clock.now()))
+
+
+def test_after_a_jump_the_image_stays_until_a_coarse_one_is_whole_which_then_becomes_finer(
+    tracer_scene: TracerScene, compiled_only: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(refinement, "FEWEST", 12 * 8)
+    one = OneRenderer(tracer_scene)
+    one.refresh()
+    while one.trace():
+        one.refresh()
+    image = one.image
+    for _ in range(100):  # a ray takes a millisecond: coarse images are paid for
+        one.clock.advance(0.064)
+        image.refinement.traced(64, one.clock.now() - 0.064, one.clock.now(), swept=False)
+    before, refreshes = codes_of(one), image.reconstruction.refreshes
+
+    jump(one, 0.5 * np.pi)
+    assert image.reconstruction.scale == 4
+    assert len(one.images_sent()) == 0
+    assert image.reconstruction.refreshes == refreshes, "nothing is shown before it is swept"
+    assert one.trace() == 12 * 8
+    assert len(one.images_sent()) > 0
+    assert image.reconstruction.refreshes == refreshes + 1
+    assert np.abs(codes_of(one).astype(int) - before).mean() > 5, "another view"
+    assert image.reconstruction.block_weights().min() > 0, "without holes"
+
+    scales = [image.reconstruction.scale]
+    while image.refinement.active:
+        one.trace()
+        one.refresh()
+        scales.append(image.reconstruction.scale)
+    assert sorted(set(scales), reverse=True) == [4, 2], "what takes more than half a second is left to the sampler"
+    assert scales == sorted(scales, reverse=True)
+
+
+def test_a_camera_that_moves_a_little_is_no_jump(tracer_scene: TracerScene, compiled_only: None) -> None:
+    one = OneRenderer(tracer_scene)
+    one.refresh()
+    for _ in range(8):
+        one.trace()
+        one.refresh()
+
+    jump(one, 0.1)
+
+    assert not one.image.refinement.active
+
+
+def test_what_jumps_again_and_again_is_shown_nevertheless(tracer_scene: TracerScene, compiled_only: None) -> None:
+    one = OneRenderer(tracer_scene)
+    one.refresh()
+    for _ in range(8):
+        one.trace()
+        one.refresh()
+    refreshes, period = one.image.reconstruction.refreshes, one.image.view.period
+
+    for k in range(60):
+        one.clock.advance(period)
+        jump(one, 0.5 * np.pi * (k + 1))
+        list(one.images.on_tick(one.clock.now()))
+
+    assert one.image.reconstruction.refreshes - refreshes >= 60 * period / (LONGEST_SWEEP_S + 2 * period) - 1
+
+
+def jump(one: OneRenderer, turn: float) -> None:
+    """The camera of the first event turned about the y axis."""
+    first = first_event(one.plan, 0.0)
+    rotation = first.camera.rotation() @ rotation_by(np.array([0.0, turn, 0.0]))
+    camera = Camera.of(first.camera.origin(), rotation)
+    one.event = replace(one.event, camera_event=one.event.camera_event + 1, camera=camera)
+    one.image.follow(one.event)
+
+
+def codes_of(one: OneRenderer) -> NDArray[np.uint8]:
+    """What is shown."""
+    shown: NDArray[np.uint8] = next(iter(one.images.composition.layers.values())).framelet.colour.copy()
+    return shown

@@ -1,4 +1,7 @@
-"""Enlarge an image of fewer pixels: smooth channels bilinearly, the others by the nearest pixel that shows anything."""
+"""Enlarge an image of fewer pixels: smooth channels bilinearly, the others by the nearest pixel that shows anything.
+
+Display codes by a Catmull-Rom spline (Catmull and Rom 1974; Keys 1981) that is kept from overshooting.
+"""
 
 from __future__ import annotations
 
@@ -70,46 +73,63 @@ def widen_pixels(line, column, share, wide):
 
 
 @kernel
-def enlarge_codes(small, row, row_share, first, second, share, dirty, rgb):
-    """Write the dirty tiles of an enlarged image of display codes: each between the four around its centre, rounded.
+def enlarge_codes(small, row, row_weight, column, column_weight, dirty, rgb):
+    """Write the dirty tiles of an enlarged image of display codes: cubic between four, within the middle two, rounded.
+
+    Rows first, then columns.
 
     Parameters
     ----------
-    small : (h, 3 w) uint8
-    row, row_share : see interpolate
-    first, second : (3 W,) int32, the two of a row of `small` around each value of a row of `rgb`
-    share : (3 W,) float32, of the second
+    small : (h, w, 3) uint8
+    row, row_weight : (H, 4) int32, the rows of `small` around each row of `rgb`, and float32, what each weighs
+    column, column_weight : (W, 4), likewise
     dirty : (rows, columns) bool, tiles of `rgb`
-    rgb : (H, 3 W) uint8, written
+    rgb : (H, W, 3) uint8, written
     """
-    wide, edge = np.empty((2, rgb.shape[1]), np.float32), 3 * TILE  # two rows of `small`, as wide as `rgb`
+    wide, values = np.empty((4, 3 * rgb.shape[1]), np.float32), rgb.reshape(rgb.shape[0], -1)
     for tile in range(dirty.shape[0]):
         start = 0
         while start < dirty.shape[1]:
             end = start + 1
             while end < dirty.shape[1] and dirty[tile, end] == dirty[tile, start]:  # a run of tiles
                 end += 1
-            left, right = start * edge, min(end * edge, rgb.shape[1])
-            i, j, g = first[left:right], second[left:right], share[left:right]
-            held = np.full(2, -1)  # the rows of `small`, that is row k in wide[k % 2]
+            left, right = start * TILE, min(end * TILE, rgb.shape[1])
+            held = np.full(4, -1)  # the rows of `small`, that is row k in wide[k % 4]
             for y in range(tile * TILE, min((tile + 1) * TILE, rgb.shape[0]) if dirty[tile, start] else 0):
-                for side in range(2):
-                    k = row[y, side]
-                    if held[k % 2] != k:
-                        held[k % 2] = k
-                        widen(small[k], i, j, g, wide[k % 2])
-                upper, lower, f, out = wide[row[y, 0] % 2], wide[row[y, 1] % 2], row_share[y], rgb[y, left:right]
-                for k in range(right - left):
-                    out[k] = np.uint8(np.int32(upper[k] + f * (lower[k] - upper[k]) + HALF))
+                for tap in range(4):
+                    k = row[y, tap]
+                    if held[k % 4] != k:
+                        held[k % 4] = k
+                        widen(small[k].reshape(-1), column[left:right], column_weight[left:right], wide[k % 4])
+                first, second = wide[row[y, 0] % 4], wide[row[y, 1] % 4]
+                third, fourth = wide[row[y, 2] % 4], wide[row[y, 3] % 4]
+                p, q, r, s = row_weight[y]
+                out = values[y, 3 * left : 3 * right]
+                for k in range(len(out)):
+                    b, c = second[k], third[k]
+                    value = limited(p * first[k] + q * b + r * c + s * fourth[k], b, c)
+                    out[k] = np.uint8(np.int32(value + HALF))
             start = end
 
 
 @inline_kernel
-def widen(line, first, second, share, wide):
-    """Enlarge a part of a row of codes, (3 w,) uint8: each value between two, see enlarge_codes. wide : written"""
-    for k in range(len(first)):
-        a, b = np.float32(line[uint32(first[k])]), np.float32(line[uint32(second[k])])
-        wide[k] = a + share[k] * (b - a)
+def widen(line, column, weight, wide):
+    """Enlarge a part of a row of pixels' codes, (3 w,) uint8, see enlarge_codes. wide : (3 W,) float32, written"""
+    for j in range(len(column)):
+        p, q, r, s = weight[j, 0], weight[j, 1], weight[j, 2], weight[j, 3]
+        i, k = uint32(3) * uint32(column[j, 0]), uint32(3) * uint32(column[j, 1])
+        m, n = uint32(3) * uint32(column[j, 2]), uint32(3) * uint32(column[j, 3])
+        for channel in range(3):
+            at = uint32(channel)
+            b, c = np.float32(line[k + at]), np.float32(line[m + at])
+            value = p * np.float32(line[i + at]) + q * b + r * c + s * np.float32(line[n + at])
+            wide[uint32(3 * j) + at] = limited(value, b, c)
+
+
+@inline_kernel
+def limited(value, a, b):
+    """The value, or the one of a and b that it lies beyond: what overshoots at an edge would ring."""
+    return min(max(value, min(a, b)), max(a, b))
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from wall.config.sampling import METHODS
 from wall.core.errors import ConfigError
 from wall.study import options
 from wall.study.live.cpu_limit import own_cores
-from wall.study.live.rewriting import ROWS, Rows
+from wall.study.live.jumps import root_mean_square, spans
+from wall.study.live.rewriting import REDUCED, ROWS, Rows
 from wall.study.live.rows import FILE, Row
 from wall.study.live.sweep import Outcome
 from wall.study.quality.tables import Table
@@ -31,7 +33,7 @@ def check_installed() -> None:
 
 def methods_of(text: str) -> tuple[str, ...]:
     """Methods by name or pattern, such as adaptive,frame*. Raises ConfigError."""
-    return options.picked("--methods", text, METHODS)
+    return options.picked("--methods", text, (*METHODS, *REDUCED))
 
 
 def cores_of(text: str) -> tuple[float, ...]:
@@ -61,7 +63,7 @@ def runs_of(configs: Iterable[Path], methods: str) -> list[tuple[Path, str]]:
 
 def report(outcome: Outcome, out: Path) -> Iterator[RenderableType]:
     """What is printed at the end."""
-    yield from (table.rich() for table in tables(outcome.rows))
+    yield from (table.rich() for table in [*tables(outcome.rows), *tables_after_jumps(outcome.rows)])
     yield from (f"note: {note}" for note in outcome.notes)
     others = max((row.other_cores for row in outcome.rows), default=0.0)
     if others > QUIET_CORES:
@@ -75,16 +77,42 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         "method", "RMSE", "FLIP", "SSIM", "Hz", "interval p95 ms", "input p50, p95 ms", "samples/s", "bytes/s",
         "cores: head, others",
     )  # fmt: skip
-    groups: dict[tuple[str, float], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row.config, row.cores), []).append(row)
+    groups = _groups(rows)
     return [
         Table(
-            title=f"{config}, {cores:g} core{'' if cores == 1.0 else 's'}", columns=columns,
+            title=f"{config}, {_cores(cores)}", columns=columns,
             lines=tuple(map(_line, group)), text=(0,), note=NOTE if group[-1] is rows[-1] else "",
         )
         for (config, cores), group in groups.items()
     ]  # fmt: skip
+
+
+def tables_after_jumps(rows: Sequence[Row]) -> list[Table]:
+    """RMSE in 8-bit codes and FLIP by the time since a jump, where the camera jumps."""
+    found = []
+    for (config, cores), group in _groups([row for row in rows if row.since_jump]).items():
+        known = spans(group[0].since_jump)
+        heads = tuple(f"to {high:g} s" if high < math.inf else f"from {low:g} s" for low, high, _ in known)
+        lines = tuple((row.method, *(_error(row, chosen) for _, _, chosen in known)) for row in group)
+        title = f"{config}, {_cores(cores)}: RMSE (FLIP) by time since a jump"
+        found.append(Table(title=title, columns=("method", *heads), lines=lines, text=(0,), note=""))
+    return found
+
+
+def _error(row: Row, chosen: Sequence[int]) -> str:
+    flip = sum(row.flip_over_time[k] for k in chosen) / len(chosen)
+    return f"{255.0 * root_mean_square(row.error_over_time, chosen):.1f} ({flip:.3f})"
+
+
+def _groups(rows: Sequence[Row]) -> dict[tuple[str, float], list[Row]]:
+    groups: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.config, row.cores), []).append(row)
+    return groups
+
+
+def _cores(cores: float) -> str:
+    return f"{cores:g} core{'' if cores == 1.0 else 's'}"
 
 
 def _line(row: Row) -> tuple[str, ...]:

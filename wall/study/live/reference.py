@@ -31,7 +31,7 @@ class WallReference:
 
     def __init__(self, plan: Plan, times: list[float], out: Path, *, spp: int) -> None:
         tracer_scene = make_tracer_scene(plan.scene)
-        self.wall, self.times, self.spp = plan.layout.wall, times, spp
+        self.wall, self.path, self.times, self.spp = plan.layout.wall, plan.view.path, times, spp
         self.references = {
             panel.id: Reference(plan, tracer_scene, times, spp=spp, panel=panel.index, cache=out / FOLDER)
             for panel in self.wall.panels

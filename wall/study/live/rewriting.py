@@ -12,11 +12,14 @@ from wall.config.views import OrbitPathConfig
 from wall.core.errors import ConfigError
 from wall.geometry.expanding import expanded_config
 from wall.roles.plan import Layout, Plan, aimed, make_layout, make_plan, why_not_at_renderer
+from wall.study.quality.methods_reduced import FULL_ROWS
+from wall.study.quality.methods_reduced import ROWS as ROWS_OF_FULL
 
 Rows = Literal["known", "middle", "ignored"]  # what a renderer makes of `row_time`
 ROWS: tuple[Rows, ...] = get_args(Rows)
 ONE_MOMENT = 1e-12  # seconds a row: all rows are made for the same moment, and samplers predict it all the same
 ORBIT_PERIOD_S = 20.0  # of a camera in a scene where nothing else moves
+REDUCED = {f"reduced_{rows}": rows for rows in ROWS_OF_FULL}  # framed, of fewer pixels; enlarged where it is scored
 PATIENCE_S = 30.0  # a rank that few cores are slow to run is not lost
 SHOWS_PANELS = frozenset({  # nodes after which a panel still shows its own view, and nothing beside it
     "age_blend", "average", "crop", "denoise", "depth", "encode", "newest", "over", "reconstruct", "samples", "sink",
@@ -69,7 +72,9 @@ def moving(loaded: Loaded) -> Plan:
 
 
 def text_for(loaded: Loaded, method: str) -> str:
-    """YAML of the configuration under a method of METHODS, for a file in any folder."""
+    """YAML of the configuration under a method of METHODS or REDUCED, for a file in any folder."""
+    if (rows := REDUCED.get(method)) is not None:
+        loaded, method = of_fewer_pixels(loaded, rows), "framed"
     config = loaded.config
     transport = config.transport.model_copy(update={"lost_after_s": max(PATIENCE_S, config.transport.lost_after_s)})
     views = tuple(view.model_copy(update={"sampling": None}) for view in config.views)
@@ -105,6 +110,17 @@ def with_rows(loaded: Loaded, rows: Rows) -> Loaded:
         views = tuple(view.model_copy(update={"display_delay_s": view.light_after_s + 0.5 * seconds}) for view in views)
     wall = wall.model_copy(update={"panels": panels})
     return loaded.with_config(config.model_copy(update={"wall": wall, "views": views}))
+
+
+def of_fewer_pixels(loaded: Loaded, rows: int) -> Loaded:
+    """The configuration on panels of `rows` rows for every FULL_ROWS, and columns to keep their aspect."""
+    wall = expanded_config(loaded.config.wall)
+    panels = tuple(
+        panel.model_copy(update={"pixels": tuple(max(1, round(n * rows / FULL_ROWS)) for n in panel.pixels)})
+        for panel in wall.panels or ()
+    )
+    wall = wall.model_copy(update={"panels": panels})
+    return loaded.with_config(loaded.config.model_copy(update={"wall": wall}))
 
 
 def sampling_for(sampling: AnySampling, method: str) -> AnySampling:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 FILE = "live.jsonl"
 
@@ -44,6 +44,8 @@ class Row:
     commit: str
     machine: str
     command: str
+    flip_over_time: list[float] = field(default_factory=list)  # FLIP at each moment; rows of old lack it
+    since_jump: list[float] = field(default_factory=list)  # seconds at each moment, of a camera that jumps; else none
 
     @property
     def identity(self) -> Identity:

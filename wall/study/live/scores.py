@@ -8,10 +8,12 @@ from typing import Protocol
 
 import numpy as np
 
-from wall.core.data import Float32
+from wall.core.data import Float32, Rect
 from wall.core.errors import RunError
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.display.image_log import LoggedImages
 from wall.geometry.panels import Panel
+from wall.reconstruction.dynamic_resolution import Enlarged
 from wall.study.live.reference import WallReference
 from wall.study.live.timeline import Timeline
 from wall.study.quality.image_strips import Bytes
@@ -26,6 +28,7 @@ class Score:
     flip: float  # means over moments and panels, a panel counts by its pixels
     ssim: float
     over_time: list[float]  # RMSE at each moment
+    flip_over_time: list[float]
 
 
 class Shows(Protocol):
@@ -38,9 +41,12 @@ class Shows(Protocol):
 class Shown:
     """What the panels of a wall showed in one run."""
 
-    def __init__(self, log: LoggedImages, display_delay_s: float | None = None) -> None:
-        """`display_delay_s`: from a refresh to its light; the configuration's if None."""
-        self.timeline, self._log = Timeline(log, display_delay_s), log
+    def __init__(self, log: LoggedImages, display_delay_s: float | None = None, *, enlarges: bool = False) -> None:
+        """`display_delay_s`: from a refresh to its light; the configuration's if None.
+
+        `enlarges`: images of fewer pixels are brought to those of their panel.
+        """
+        self.timeline, self._log, self._enlarges = Timeline(log, display_delay_s), log, enlarges
 
     def codes(self, panel: Panel, time: float) -> Bytes:
         """(h, w, 3) uint8 sRGB that a panel showed at `time` of the path: black before its first image.
@@ -51,9 +57,25 @@ class Shown:
         held = self.timeline.held(panel.id, time)
         if held is None:
             return np.zeros((height, width, 3), np.uint8)
+        if held.size != panel.pixels and self._enlarges:
+            return enlarged(self._log.rgb(held), panel.pixels)
         if held.size != panel.pixels:
             raise RunError(f"panel {panel.id}: an image of {held.size} pixels was recorded, wanted {panel.pixels}")
         return self._log.rgb(held)
+
+
+def enlarged(codes: Bytes, size: tuple[int, int]) -> Bytes:
+    """(h, w, 3) uint8 sRGB: an image brought to (width, height) pixels as dynamic resolution does it."""
+    large = Enlarged(rect_of(codes.shape[1], codes.shape[0]), rect_of(*size))
+    large.codes[:] = codes
+    rgb = np.zeros((size[1], size[0], 3), np.uint8)
+    large.display(np.ones((-(-size[1] // TILE), -(-size[0] // TILE)), np.bool_), rgb, 0, size[1])
+    return rgb
+
+
+def rect_of(width: int, height: int) -> Rect:
+    """A whole image."""
+    return Rect(x=0, y=0, width=width, height=height)
 
 
 def score(shown: Shows, reference: WallReference) -> Score:
@@ -64,7 +86,7 @@ def score(shown: Shows, reference: WallReference) -> Score:
     squares, flips, ssims = (np.average(found[..., i], axis=1, weights=weights) for i in range(3))
     return Score(
         rmse_display=math.sqrt(float(squares.mean())), flip=float(flips.mean()), ssim=float(ssims.mean()),
-        over_time=[float(error) for error in np.sqrt(squares)],
+        over_time=np.sqrt(squares).tolist(), flip_over_time=flips.tolist(),
     )  # fmt: skip
 
 

@@ -11,16 +11,17 @@ from typing import Any
 
 from wall.config.loading import Loaded
 from wall.config.sampling import METHODS
-from wall.config.views import KeyframesPathConfig
+from wall.config.views import KeyframesPathConfig, PathConfig
 from wall.core.errors import ConfigError, RunError
 from wall.geometry.panels import Wall
 from wall.roles.plan import Plan
 from wall.study import json_lines
 from wall.study.live import cpu_limit
 from wall.study.live.film import film_hz
+from wall.study.live.jumps import jumps_of, moments_after, since_jump
 from wall.study.live.reference import WallReference
 from wall.study.live.results import compose, keep
-from wall.study.live.rewriting import Rows, left_out, load_without_windows, moving, text_for, with_rows
+from wall.study.live.rewriting import REDUCED, Rows, left_out, load_without_windows, moving, text_for, with_rows
 from wall.study.live.rows import FILE, Row
 from wall.study.live.runs import IMAGES, RecordedRun, record_wall
 from wall.study.live.scores import Shown, score
@@ -61,10 +62,15 @@ class Wanted:
         for cores in self.cores:
             cpu_limit.check(cores)
 
-    @property
-    def times(self) -> list[float]:
-        """The moments that are compared, seconds of the camera's path."""
+    def times_on(self, path: PathConfig | None) -> list[float]:
+        """The moments that are compared, seconds of a camera's path: where it jumps, evenly after its jumps."""
+        if jumps := self.jumps_on(path):
+            return moments_after(jumps, self.moments, end=self.warm_up_s + self.seconds)
         return moments(self.moments, first=self.warm_up_s, seconds=self.seconds)
+
+    def jumps_on(self, path: PathConfig | None) -> list[float]:
+        """When the camera jumps while it is measured, seconds of its path."""
+        return jumps_of(path, self.warm_up_s, self.seconds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +127,7 @@ def sweep(wanted: Wanted, watch: Watch) -> Outcome:
         plan = moving(one)
         check_room(plan, wanted)
         outcome.notes.extend(notes_of(plan, wanted))
-        reference = WallReference(plan, wanted.times, wanted.out, spp=wanted.spp)
+        reference = WallReference(plan, wanted.times_on(plan.view.path), wanted.out, spp=wanted.spp)
         for cores in wanted.cores:
             _compare(wanted, plan.layout.loaded, reference, cores, watch, outcome)
     return outcome
@@ -188,7 +194,7 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
     seconds = wanted.warm_up_s + wanted.seconds + BEYOND_S
     try:
         run = record_wall(config, trial.folder, seconds=seconds, cores=trial.cores)
-        shown = Shown(run.images, trial.display_delay_s)
+        shown = Shown(run.images, trial.display_delay_s, enlarges=trial.method in REDUCED)
         row = _row(wanted, trial, run, shown, reference)
         hz = film_hz(trial.refresh_hz)
         keep(trial.folder, shown, reference, first=wanted.warm_up_s, seconds=wanted.seconds, hz=hz)
@@ -201,6 +207,7 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
 def _row(wanted: Wanted, trial: Trial, run: RecordedRun, shown: Shown, reference: WallReference) -> Row:
     summary, latency = run.summary, run.summary["latency_ms"]
     error, pace = score(shown, reference), shown.timeline.intervals(wanted.warm_up_s, wanted.seconds)
+    jumps = wanted.jumps_on(reference.path)
     return Row(
         config=trial.config,
         method=trial.method,
@@ -233,6 +240,8 @@ def _row(wanted: Wanted, trial: Trial, run: RecordedRun, shown: Shown, reference
         commit=record.commit(),
         machine=record.machine(),
         command=record.command(),
+        flip_over_time=error.flip_over_time,
+        since_jump=since_jump(reference.times, jumps) if jumps else [],
     )
 
 

@@ -65,6 +65,11 @@ class Reference:
         self._halves = 1 if plan.scene.path_depth is None else 2
         inputs, self.times = Inputs(plan), tuple(times)
         self.events: tuple[Event, ...] = tuple(inputs.event_at(time) for time in self.times)
+        first: dict[object, int] = {}
+        self._originals = [
+            k if self._panel.scan is not None else first.setdefault((event.camera, event.scene_event), k)
+            for k, event in enumerate(self.events)
+        ]
         self.key = _key(plan, self._panel, self.events, spp)
         self.folder = (cache or cache_folder()) / self.key
         self._images, self._done = self._open()
@@ -83,10 +88,8 @@ class Reference:
         return images[0], images[-1]
 
     def original(self, k: int) -> int:
-        """The first image that shows the same as image k: nothing moved since."""
-        while k > 0 and self.events[k - 1] is self.events[k] and self._panel.scan is None:
-            k -= 1
-        return k
+        """The first image that shows the same as image k: the same camera, and nothing moved since."""
+        return self._originals[k]
 
     def missing(self) -> list[int]:
         """Images still to be made."""
