@@ -19,7 +19,7 @@ def test_a_wheel_holds_every_file_of_the_package() -> None:
     patterns = settings["package-data"]["*"]
     files = [path for path in (ROOT / "wall").rglob("*") if path.is_file() and "__pycache__" not in path.parts]
     data = [path for path in files if path.suffix != ".py"]
-    assert {path.suffix for path in data} >= {".html", ".js", ".css", ".glsl", ".vert", ".frag", ".yaml"}
+    assert {path.suffix for path in data} >= {".html", ".js", ".css", ".glsl", ".yaml"}
     assert [path for path in data if not any(fnmatch(path.name, pattern) for pattern in patterns)] == []
 
 

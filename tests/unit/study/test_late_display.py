@@ -12,7 +12,7 @@ import pytest
 from wall.core.data import STILL, Camera, Event, Float32
 from wall.study.quality.method import Setup
 from wall.study.quality.methods import make_method
-from wall.study.quality.methods_adaptive import LateDisplay
+from wall.study.quality.methods_adaptive import Late, LateDisplay
 from wall.study.quality.metrics import display_values
 from wall.study.quality.reference import Reference
 from wall.study.quality.trial import Trial, setup_of
@@ -77,7 +77,7 @@ def moving(time: float) -> Event:
 
 
 def test_rays_and_images_are_for_the_moment_of_display_and_rays_keep_their_number() -> None:
-    display = LateDisplay(REFRESH_HZ, refreshes=2, predicted=True, ahead=True)
+    display = LateDisplay(REFRESH_HZ, Late(refreshes=2, predicted=True, ahead=True))
     for k in range(201):
         traced = display.traced(moving(k / 2000), k / 2000)
     made = display.made(moving(0.1), 0.1)
@@ -90,14 +90,14 @@ def test_rays_and_images_are_for_the_moment_of_display_and_rays_keep_their_numbe
 
 @pytest.mark.parametrize(("predicted", "ahead"), [(False, True), (True, False)])
 def test_without_looking_ahead_rays_are_traced_under_the_newest_inputs(predicted: bool, ahead: bool) -> None:
-    display = LateDisplay(REFRESH_HZ, refreshes=1, predicted=predicted, ahead=ahead)
+    display = LateDisplay(REFRESH_HZ, Late(refreshes=1, predicted=predicted, ahead=ahead))
     for k in range(201):
         event = moving(k / 2000)
         assert display.traced(event, k / 2000) is event
 
 
 def test_prompt_display_foresees_nothing_and_hands_on_what_it_gets() -> None:
-    display = LateDisplay(REFRESH_HZ, refreshes=0, predicted=False, ahead=False)
+    display = LateDisplay(REFRESH_HZ, Late(refreshes=0, predicted=False, ahead=False))
     made = np.full((2, 2, 3), math.pi, np.float32)
 
     assert display.seen(made) is made
