@@ -82,7 +82,7 @@ def start(*arguments: object, launcher: tuple[str, ...] = (), stdin: IO[str] | N
 
 
 def session_of(leader: int) -> list[int]:
-    """Living processes of the session that `leader` began."""
+    """Living processes of the session that `leader` began, the oldest first; their numbers may begin anew."""
     found = []
     for entry in Path("/proc").iterdir():
         try:
@@ -90,8 +90,8 @@ def session_of(leader: int) -> list[int]:
         except (OSError, NotADirectoryError):
             continue
         if entry.name.isdecimal() and int(fields[3]) == leader and fields[0] != "Z":
-            found.append(int(entry.name))
-    return found
+            found.append((int(fields[19]), int(entry.name)))  # when it was started, in ticks of the kernel
+    return [number for _, number in sorted(found)]
 
 
 def _as_in_a_terminal() -> None:
