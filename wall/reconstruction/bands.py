@@ -23,7 +23,7 @@ class Bands:
 
     def __init__(self, height: int, capacity: int, threads: Threads) -> None:
         """`capacity` of the stores that will be given."""
-        self._height, self._threads = height, threads
+        self._threads = threads
         bands = split(height, threads.count, TILE) if threads.count > 1 else []
         self._edges = np.array([0, *(bottom for _, bottom in bands)], np.int64)
         self._indices = np.zeros((len(bands), capacity), np.uint32)  # of each band's samples

@@ -223,6 +223,7 @@ class Enlarged:
         self.small, self._large = small, large
         self.codes: NDArray[np.uint8] = np.zeros((small.height, small.width, 3), np.uint8)  # what `display` shows
         self._down, self._across = CubicAxis(small.height, large.height), CubicAxis(small.width, large.width)
+        self._linear = Axis(small.height, large.height), Axis(small.width, large.width)
         self._dirty = np.zeros((len(self._down.first_tile), len(self._across.first_tile)), np.bool_)
 
     def compile(self) -> None:
@@ -247,8 +248,7 @@ class Enlarged:
     def enlarged(self, radiance: Float32) -> Float32:
         """(h, w, 3) float32 linear RGB of the large image, bilinear."""
         light: Float32 = np.zeros((self._large.height, self._large.width, 3), np.float32)
-        down, across = Axis(self.small.height, self._large.height), Axis(self.small.width, self._large.width)
-        everywhere = np.ones_like(self._dirty)
+        (down, across), everywhere = self._linear, np.ones_like(self._dirty)
         kernels.interpolate(radiance, down.pixels, down.share, across.pixels, across.share, everywhere, light)
         return light
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import TRIPLES, Channels, Float32, Framelet
+from wall.core.data import TRIPLES, Channels, Float32, Float64, Framelet
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.kernels import enlarge as kernels
@@ -17,29 +17,35 @@ class Axis:
     """For each pixel of a row or a column of the large image the two of the small one around its centre."""
 
     def __init__(self, small: int, large: int) -> None:
-        centre = (np.arange(large) + 0.5) * (small / large) - 0.5
-        first = np.floor(centre)
-        self.pixels = np.clip(np.stack([first, first + 1], axis=1), 0, small - 1).astype(np.int32)  # (large, 2)
-        self.share: Float32 = (centre - first).astype(np.float32)  # (large,) of the second
-        self.first_tile = np.minimum.reduceat(self.pixels[:, 0], range(0, large, TILE)) // TILE
-        self.last_tile = np.maximum.reduceat(self.pixels[:, 1], range(0, large, TILE)) // TILE
+        fraction, self.pixels = _around(small, large, range(2))  # pixels: (large, 2)
+        self.share: Float32 = fraction.astype(np.float32)  # (large,) of the second
+        self.first_tile, self.last_tile = _tiles_of(self.pixels)
 
 
 class CubicAxis:
     """For each pixel of a row or a column of the large image the four of the small one around its centre."""
 
     def __init__(self, small: int, large: int) -> None:
-        centre = (np.arange(large) + 0.5) * (small / large) - 0.5
-        first = np.floor(centre)
-        f = centre - first
-        self.pixels = np.clip(first[:, None] + np.arange(-1, 3), 0, small - 1).astype(np.int32)  # (large, 4)
+        f, self.pixels = _around(small, large, range(-1, 3))  # pixels: (large, 4)
         cubic = (
             ((-0.5 * f + 1.0) * f - 0.5) * f, (1.5 * f - 2.5) * f * f + 1.0, ((-1.5 * f + 2.0) * f + 0.5) * f,
             (0.5 * f - 0.5) * f * f,
         )  # fmt: skip
         self.weights: Float32 = np.stack(cubic, axis=1).astype(np.float32)  # (large, 4)
-        self.first_tile = np.minimum.reduceat(self.pixels[:, 0], range(0, large, TILE)) // TILE
-        self.last_tile = np.maximum.reduceat(self.pixels[:, 3], range(0, large, TILE)) // TILE
+        self.first_tile, self.last_tile = _tiles_of(self.pixels)
+
+
+def _around(small: int, large: int, taps: range) -> tuple[Float64, NDArray[np.int32]]:
+    """Of each pixel of the large image: how far it is from pixel 0 of `taps` to pixel 1, and these pixels."""
+    centre = (np.arange(large) + 0.5) * (small / large) - 0.5
+    first = np.floor(centre)
+    return centre - first, np.clip(first[:, None] + np.array(taps), 0, small - 1).astype(np.int32)
+
+
+def _tiles_of(pixels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The first and the last tile of the small image that each tile of the large one takes from."""
+    starts = range(0, len(pixels), TILE)
+    return np.minimum.reduceat(pixels[:, 0], starts) // TILE, np.maximum.reduceat(pixels[:, -1], starts) // TILE
 
 
 class Enlarger:

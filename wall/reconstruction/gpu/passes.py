@@ -119,10 +119,15 @@ class Passes:
 
     def find_nearest(self, store: GpuStore, table: Float32) -> None:
         """Bring every pixel's nearest sample up to date after a rest, while nothing has moved; `table` see run."""
+        self._place_again(store, table)
+        if store.count:
+            self._over_pixels(store, clear=0, contradicted=0)
+
+    def _place_again(self, store: GpuStore, table: Float32) -> None:
+        """Find the least depths and their samples anew, while nothing has moved; `table` see run."""
         self._objects.write(np.column_stack([table, np.zeros((len(table), 2))]).astype(np.float32))
         if store.count:
             self._reproject(store, contradicted=0, size=self._size)
-            self._over_pixels(store, clear=0, contradicted=0)
 
     def _reproject(self, store: GpuStore, **uniforms: Any) -> None:
         a, run = store.arrays, self._device.compute
@@ -180,9 +185,7 @@ class Passes:
 
     def find_surfaces(self, store: GpuStore, table: Float32) -> None:
         """Find every pixel's nearest sample also among those that came since the image was made; `table` see run."""
-        self._objects.write(np.column_stack([table, np.zeros((len(table), 2))]).astype(np.float32))
-        if store.count:
-            self._reproject(store, contradicted=0, size=self._size)
+        self._place_again(store, table)
         self._surfaces = self._of_size(self._surfaces, 2 * WORD_BYTES * self._area)
         samples = (store.arrays["screen_position"], store.arrays["object_id"])
         self._device.compute("surfaces", self._area, (*samples, self._pixels, self._nearest, self._surfaces))
