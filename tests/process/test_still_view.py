@@ -6,6 +6,7 @@ import asyncio
 import io
 import math
 import time
+from http import HTTPStatus
 from pathlib import Path
 
 import aiohttp
@@ -50,6 +51,8 @@ class Viewer:
 
     async def error(self) -> float:
         async with self._session.get(self._address + "wall.png") as answer:
+            if answer.status == HTTPStatus.SERVICE_UNAVAILABLE:
+                return math.inf  # there is a page before there is an image
             image = Image.open(io.BytesIO(await answer.read())).convert("RGB")
         return float(np.sqrt(((np.asarray(image) - self._reference) ** 2).mean()))
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Samples
+from wall.core.data import Camera, Samples
 from wall.core.threads import Threads
 from wall.deepbuffer.kernels import accumulation as kernels_accumulation
 from wall.deepbuffer.kernels import change as kernels_change
@@ -115,14 +115,16 @@ class DeepBuffer:
         everything = np.ones(self._objects + 1, np.uint8)
         self.reproject(everything, everything, np.zeros_like(self.history.dirty))
 
-    def covers(self, event: Posed) -> float:
-        """The share of the image that its samples would show under an event, told by some of them.
+    def covers(self, camera: Camera) -> float:
+        """The share of the image that its samples would show to another camera, told by some of them.
 
         A part counts that has a quarter of the samples that it would have if they were spread evenly.
         """
+        if not self.count:
+            return 0.0
         rect, cells = self.poses.rect, np.zeros(CELLS, np.int32)
         step = max(1, self.count // (LOOKED_AT * cells.size))
-        table, size = self.poses.table(event), (np.float32(rect.width), np.float32(rect.height))
+        table, size = self.poses.seen_by(camera), (np.float32(rect.width), np.float32(rect.height))
         looked_at = count_by_cell(self.store, self.count, step, table, *size, cells)
         return float((cells >= max(1.0, 0.25 * looked_at / cells.size)).mean())
 

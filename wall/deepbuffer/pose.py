@@ -115,8 +115,19 @@ class Poses:
 
     def table(self, event: Posed) -> Float32:
         """(n + 1, 12) float32: panel_from_object of an event, whose pose is not kept."""
-        placed = self._placed(self._scene.at(event.scene_time, event.edits))
-        return Pose.of(self._panel, self._eye, event.camera, placed, rect=self._rect).panel_from_object
+        return self._table(event.camera, self._scene.at(event.scene_time, event.edits))
+
+    def seen_by(self, camera: Camera) -> Float32:
+        """(n + 1, 12) float32: panel_from_object of a camera, where objects stay as the newest pose has them.
+
+        Only after the first pose: finding every object's place anew takes many times as long.
+        """
+        assert self._moment is not None
+        return self._table(camera, self._moment)
+
+    def _table(self, camera: Camera, moment: Moment) -> Float32:
+        placed = self._placed(moment)
+        return Pose.of(self._panel, self._eye, camera, placed, rect=self._rect).panel_from_object
 
     def _placed(self, moment: Moment) -> Float64:
         """(n, 4, 4) float64, world from object: at rest where no object is ever followed."""

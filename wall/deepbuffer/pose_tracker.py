@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Event, Float32, Float64, Rect
+from wall.core.data import Camera, Event, Float32, Float64, Rect
 from wall.deepbuffer.cuts import CutTracker
 from wall.deepbuffer.kernels.insert import InsertRules
 from wall.deepbuffer.kernels.reproject_rows import RowTables
@@ -86,9 +86,9 @@ class PoseTracker:
         """Whether samples of `event` saw edits that the image does not show yet."""
         return self._shown is not None and _newer(event, self._shown)
 
-    def table(self, event: Posed) -> Float32:
-        """(n + 1, 12) float32: panel_from_object of an event that is not shown."""
-        return self._poses.table(event)
+    def seen_by(self, camera: Camera) -> Float32:
+        """(n + 1, 12) float32: panel_from_object of another camera; objects stay where they were last."""
+        return self._poses.seen_by(camera)
 
     def inserted(self, event: Posed) -> tuple[Pose, Pose]:
         """The pose of samples that are about to be inserted, and that of the image."""

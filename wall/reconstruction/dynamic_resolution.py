@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Event, Float32, Float64, Rect, Samples
+from wall.core.data import Camera, Event, Float32, Float64, Rect, Samples
 from wall.core.threads import Threads
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.deepbuffer.feedback import Feedback
@@ -70,9 +70,9 @@ class DynamicResolution:
         self.current.clear()
         self._keep()
 
-    def covers(self, event: Event) -> float:
-        """The share of the image that the stored samples would show under another event, roughly."""
-        return self.current.buffer.covers(event)
+    def covers(self, camera: Camera) -> float:
+        """The share of the image that the stored samples would show to another camera, roughly."""
+        return self.current.buffer.covers(camera)
 
     def _rescale(self) -> None:
         self._make_at(self._next)

@@ -142,7 +142,7 @@ class ReprojectedLayer:
 
     def covers(self, event: Event) -> float:
         """At the renderer: the share of the image that stored samples would show under an event, roughly."""
-        return self.shared().covers(self._panel_view(event))
+        return self.shared().covers(self._panel_view(event).camera)
 
     def _give_up(self, error: GpuError) -> None:
         self._counters["gpu_lost"] += 1
