@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,8 +16,8 @@ from wall.core.errors import RunError
 from wall.geometry.cameras import PanelView
 from wall.geometry.moving import MovingEvent
 from wall.geometry.prediction import foreseen
-from wall.reconstruction.dynamic_resolution import DynamicResolution
 from wall.reconstruction.reconstruction import Reconstruction
+from wall.roles.image_sampler import ImageSampler
 from wall.roles.plan import Plan, make_predictor
 from wall.roles.renderer_image import SETTLED_S, OwnImage
 from wall.sampling.adaptive import FOOTPRINT_MOVING, AdaptiveSampler
@@ -54,10 +55,9 @@ class AdaptiveRenderer:
             panel, self._panel_view.eye, scene, detects_change=needs(scene).change_detection, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
         )  # fmt: skip
-        self._samplers: dict[Rect, AdaptiveSampler] = {}  # by what is sampled, one for each resolution
         self._sampling = sampling
-        image = self.reconstruction
-        self.sampler = self._sampler_of(image.current.rect if isinstance(image, DynamicResolution) else band)
+        make = partial(AdaptiveSampler, batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling)
+        self.sampler = ImageSampler(self.reconstruction, make)
         self._shown, self._refreshes = shown, 0
         shown_hz = plan.layout.layer(region).refresh_hz or plan.view_of(panel).refresh_hz
         self._clock, self._interval = clock, 1.0 / shown_hz
@@ -84,15 +84,12 @@ class AdaptiveRenderer:
             self._rested = self._rested + 1 if self.reconstruction.nothing_moves else 0
             if self._rested == SURELY_SHOWN:
                 self.reconstruction.limit_means()
-            self.sampler.replan(self.reconstruction.feedback())
+            self.sampler.replan()
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
         elif newest is not self._newest:
             self._expect(newest, now)
         targets = self._choose_rows() if self._scan is not None else self.sampler.choose(self._event or newest)
-        if targets is not None and isinstance(self.reconstruction, DynamicResolution):
-            scale = self.reconstruction.scale
-            targets = replace(targets, xy=self.reconstruction.to_panel(targets.xy), footprint=scale * targets.footprint)
         self._traced = targets.event if targets is not None else self._traced
         return targets
 
@@ -101,8 +98,8 @@ class AdaptiveRenderer:
         refinement, image = shown.refinement, shown.reconstruction
         xy = refinement.take(self._sampling.samples_per_batch)
         self._sweeps = len(xy) > 0
-        other = not self._sweeps and self._sampler_of(image.current.rect) is not self.sampler
-        if self._event is None or image.refreshes != self._refreshes or other:
+        rescaled = not self._sweeps and self.sampler.rescaled
+        if self._event is None or image.refreshes != self._refreshes or rescaled:
             self._refreshes = image.refreshes
             self._expected = shown.expected or newest
             self._event = foreseen(newest, self._expected)
@@ -120,12 +117,9 @@ class AdaptiveRenderer:
 
         Where nothing moves for long, in a share of the time at most: samples keep scores up to date where they come.
         """
-        image, before = self.reconstruction, self.sampler
-        if isinstance(image, DynamicResolution):
-            self.sampler = self._sampler_of(image.current.rect)
-        self._moved_at = self._moved_at if image.nothing_moves else now
-        if now - self._moved_at < SETTLED_S or self.sampler is not before or now >= self._replan_due:
-            self.sampler.replan(image.feedback())
+        self._moved_at = self._moved_at if self.reconstruction.nothing_moves else now
+        if now - self._moved_at < SETTLED_S or self.sampler.rescaled or now >= self._replan_due:
+            self.sampler.replan()
             self._replan_due = now + (self._clock.now() - now) / SHARE_OF_STILL_TIME
 
     def _choose_rows(self) -> Targets | None:
@@ -153,27 +147,9 @@ class AdaptiveRenderer:
     def observe(self, samples: Samples, base_time: float) -> None:
         """Insert samples into the deep buffer, and update the scores by what they contradict."""
         if self._traced is not None:
-            in_image = self._in_image(samples)
-            self.reconstruction.insert(in_image, base_time, self._panel_view(self._traced))
-            if not self._sweeps:
-                self.sampler.observe(in_image)
+            self.sampler.insert(samples, base_time, self._panel_view(self._traced), chosen=not self._sweeps)
             if self._shown is not None:
                 self._shown.refinement.traced(len(samples), self._chose_at, self._clock.now(), swept=self._sweeps)
-            samples["change"] = in_image["change"]
-
-    def _in_image(self, samples: Samples) -> Samples:
-        """Samples of the panel as samples of the image that is made."""
-        image = self.reconstruction
-        return image.to_image(samples) if isinstance(image, DynamicResolution) else samples
-
-    def _sampler_of(self, rect: Rect) -> AdaptiveSampler:
-        """The sampler of an image's pixels."""
-        if rect not in self._samplers:
-            own = self._sampling
-            self._samplers[rect] = AdaptiveSampler(
-                rect, self.reconstruction.feedback(), batch=own.samples_per_batch, seed=own.seed, tiling=own.tiling
-            )
-        return self._samplers[rect]
 
     @property
     def demand(self) -> float:
@@ -181,18 +157,16 @@ class AdaptiveRenderer:
 
         A sample's expected error reduction falls with the square of their number; the least error is where it is even.
         """
-        rects, sums, _, order = self.sampler.division.tiles
+        rects, sums, _, order = self.sampler.current.division.tiles
         return float(np.sqrt(sums[order].clip(0.0) * rects[order, 2] * rects[order, 3]).sum())
 
     def measure(self) -> Measured:
         """What is known of the band's tiles since the last refresh."""
-        return self.sampler.measure()
+        return self.sampler.current.measure()
 
     def forget(self, samples: Samples, base_time: float) -> None:
         """Take back samples whose packet was dropped, so that their pixels are sampled again."""
-        samples = self._in_image(samples)
-        self.reconstruction.forget(samples, base_time)
-        self.sampler.forget(samples)
+        self.sampler.forget(samples, base_time)
 
     def restart(self) -> None:
         """Removes all samples and makes the next refresh due at once."""

@@ -87,7 +87,7 @@ def test_after_a_refresh_lost_samples_are_gone_and_their_pixels_are_holes(rank: 
     assert (density[pixels_of(kept)] > 0.0).all(), "what arrived stays"
     untraced = alone & ~pixels_of(later)
     assert untraced.any()
-    assert (rank.renderer.sampler.score[untraced] >= HOLE).all()
+    assert (rank.renderer.sampler.current.score[untraced] >= HOLE).all()
 
 
 def test_at_rest_pixels_of_lost_samples_accumulate_anew(rank: Rank) -> None:

@@ -6,12 +6,14 @@ image of fewer pixels, and of fewer samples, as a running wall does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
-from wall.core.data import Event, Float32, Rect, Samples
+from wall.core.data import Event, Float32, Samples
 from wall.reconstruction.dynamic_resolution import DynamicResolution
 from wall.reconstruction.reconstruction import ALL, Ingredients, Reconstruction
+from wall.roles.image_sampler import ImageSampler
 from wall.roles.resolution import ResolutionChoice, first_scale
 from wall.roles.sample_budget import SampleBudget
 from wall.roles.view import NEWEST_SHARE
@@ -39,13 +41,13 @@ class SampledImage:
     def __init__(self, setup: Setup, variant: Variant) -> None:
         eye, scene, panel = setup.plan.view.eye, setup.plan.scene, setup.panel
         changes = needs(scene).change_detection
-        self._setup, self._variant = setup, variant
         self._image: Reconstruction | DynamicResolution
         if variant.full or variant.ingredients != ALL:
             self._image = Reconstruction(panel, eye, scene, detects_change=changes, ingredients=variant.ingredients)
         else:
             self._image = DynamicResolution(panel, eye, scene, detects_change=changes, scale=first_scale(panel))
-        self._samplers: dict[Rect, AdaptiveSampler] = {}  # by the pixels of the image
+        make = partial(AdaptiveSampler, batch=BATCH, seed=setup.seed, tiling=variant.tiling, uniform=variant.uniform)
+        self._sampler = ImageSampler(self._image, make)
         self._resolution, self._budget = ResolutionChoice(panel), SampleBudget()
         self._period = self._interval = 1.0 / setup.refresh_hz  # between refreshes: wanted, and a moving mean
         self._shown: tuple[float, Event] | None = None  # the last refresh
@@ -57,20 +59,13 @@ class SampledImage:
 
     def choose(self, event: Event, rays: int) -> Targets | None:
         """The next rays, on the panel; None where no pixel gains."""
-        targets, image = self._sampler.choose(event, rays), self._image
-        if targets is None or not isinstance(image, DynamicResolution):
-            return targets
-        return replace(targets, xy=image.to_panel(targets.xy), footprint=image.scale * targets.footprint)
+        return self._sampler.choose(event, rays)
 
     def insert(self, samples: Samples, now: float, event: Event) -> None:
         """Store samples of the panel; their `change` is written."""
-        image = self._image
-        own = image.to_image(samples) if isinstance(image, DynamicResolution) else samples
-        image.insert(own, now, event)
-        self._sampler.observe(own)
+        self._sampler.insert(samples, now, event)
         if self._shown is not None:  # the first image is not paid for
             self._resolution.note(len(samples))
-        samples["change"] = own["change"]
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`, and score every pixel anew."""
@@ -83,15 +78,4 @@ class SampledImage:
             still = before is not None and before[1].camera == event.camera
             image.rescale(self._resolution.after(now, still=still, stored=image.count))
         self._shown = now, event
-        self._sampler.replan(image.feedback())
-
-    @property
-    def _sampler(self) -> AdaptiveSampler:
-        """The sampler of the pixels that the image is made of now."""
-        image, own = self._image, self._variant
-        rect = image.current.rect if isinstance(image, DynamicResolution) else image.rect
-        if rect not in self._samplers:
-            self._samplers[rect] = AdaptiveSampler(
-                rect, image.feedback(), batch=BATCH, seed=self._setup.seed, tiling=own.tiling, uniform=own.uniform
-            )
-        return self._samplers[rect]
+        self._sampler.replan()
