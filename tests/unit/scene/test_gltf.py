@@ -211,8 +211,8 @@ def test_sparse_accessors_of_meshes_are_refused(tmp_path: Path) -> None:
 
 def test_what_is_not_read_is_noted(tmp_path: Path) -> None:
     found = document([{"name": "plain"}], skins=[{}])
-    found["extensionsUsed"] = ["KHR_materials_ior", "EXT_unheard_of", "EXT_mesh_gpu_instancing"]
-    found["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    found["extensionsUsed"] = ["KHR_materials_ior", "EXT_unheard_of", "EXT_meshopt_compression"]
+    found["extensionsRequired"] = ["EXT_meshopt_compression"]
     notes = " ".join(loaded(tmp_path, found).notes)
     for said in ("skins are not read", "not read: EXT_unheard_of", "requires and that are not read, so that"):
         assert said in notes
