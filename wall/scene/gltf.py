@@ -146,6 +146,19 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
     )
 
 
+def undrawn(found: dict[str, Any]) -> list[str]:
+    """What a material of the file has that is not drawn, besides extensions."""
+    specular = found.get("extensions", {}).get("KHR_materials_specular", {})
+    textures = {"specularTexture", "specularColorTexture"} & specular.keys()
+    has = {
+        "occlusion texture": "occlusionTexture" in found,
+        "specular colour": any(_finite(c) != 1.0 for c in specular.get("specularColorFactor", ())),
+        "specular texture": bool(textures),
+        "culling of back faces": found.get("doubleSided") is False,  # as most are that do not say so
+    }
+    return [what for what, there in has.items() if there]
+
+
 class UvSet(NamedTuple):
     """Texture coordinates as textures are looked up by them: a set of the file's, and what changes them."""
 

@@ -46,6 +46,7 @@ from wall.scene.gltf_animation import motions_of
 from wall.scene.gltf_instancing import instance_poses
 from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
+from wall.scene.mtl import Maps, options_of
 from wall.scene.repair import RawMesh, Repaired, repair
 from wall.scene.up import Y_FROM
 
@@ -68,7 +69,7 @@ def load(path: Path, up: Up = "auto") -> Source:
         turn[:3, :3] = Y_FROM[chosen]
         guess = f"{path.name}: the format does not say which way is up; {chosen} is taken to be; scene.up or --up says"
         notes += [guess] if up == "auto" else []
-    palette = Palette(linear_vertex_colors=gltf, header=header)
+    palette = Palette(linear_vertex_colors=gltf, header=header, maps=Maps(_Beside(str(path)).get))
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
     for name, geometry in loaded.geometry.items():
@@ -86,7 +87,7 @@ def load(path: Path, up: Up = "auto") -> Source:
         raise SceneError(f"{path}: cannot be read as glTF, {type(error).__name__}: {error}") from error
     placed = list(_instances(loaded, numbers, poses, notes))
     instances = [replace(i, world_from_object=turn @ i.world_from_object) for _, i in placed]
-    notes += palette.notes + palette.images.notes + palette.simplified()
+    notes += palette.said()
     if not instances:
         raise SceneError(
             f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"
@@ -100,6 +101,7 @@ def load(path: Path, up: Up = "auto") -> Source:
         instances=tuple(instances),
         lights=lights or None,
         cameras=cameras,
+        of_paths=tuple(palette.of_paths),
     )
     source = replace(source, motions=_motions(path, header, source, [frame for frame, _ in placed], notes))
     return _comfortable(source, notes)
@@ -156,7 +158,7 @@ class _Beside(trimesh.resolvers.FilePathResolver):
 
     def get(self, name: str) -> bytes:
         """The bytes of a file that a model names. Raises OSError, and ValueError for one that is not beside it."""
-        name = name.strip()
+        name = options_of(name.split())[1] if name.strip().startswith("-") else name.strip()  # of a map_Kd
         inside = [self.absolute(each) for each in (name, name.lstrip("/"), Path(name).name) if self._is_inside(each)]
         found = next((path for path in inside if path.exists()), self.absolute(name))
         return read_file(found, MOST_BYTES)
@@ -209,6 +211,7 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
         return repair(RawMesh(name=name, vertices=vertices[corners], triangles=own, colors=colors), palette.plain())
     colors_or_none = palette.vertex_colors(visual, len(vertices))
     material = palette.material(visual) if colors_or_none is None or hasattr(visual, "material") else palette.plain()
+    palette.see_alpha(visual, material)
     textured = any(k is not None for k in palette.materials[material].textures)
     uvs, notes = _uvs(name, geometry, palette.uv_sets.get(material, (UvSet(),))) if textured else (None, ())
     raw = RawMesh(
