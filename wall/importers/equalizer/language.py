@@ -1,8 +1,8 @@
 """The rules of Equalizer's configuration language: the words of each block, and what follows each word.
 
 Source: the language that Equalizer's server reads (versions 0.6 to 2.1), as its lexer and parser define it, and the
-chunks of a variant of it (D. Steiner, 2013 to 2015). Sizes of tiles and of chunks are read in either form, since nothing
-here uses them.
+chunks of a variant of it (D. Steiner, 2013 to 2015). Sizes of tiles and of chunks are read in either form, since
+nothing here uses them.
 """
 
 from __future__ import annotations
