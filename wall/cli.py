@@ -16,7 +16,7 @@ from wall.cli_measure import measure
 from wall.cli_operations import doctor, join, top
 from wall.cli_peers import peers
 from wall.cli_plan import plan
-from wall.cli_render import UpOption, ViewOption, render, replay
+from wall.cli_render import IntegratorOption, UpOption, ViewOption, render, replay
 from wall.cli_tracker import tracker
 from wall.commands.terminal import console, errors, fail, load_config, parse_size, readably, say_version, write_text
 from wall.core.errors import EditError
@@ -64,6 +64,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder for wall.png, panel-ID.png and summary.json")] = None,
     scene: Annotated[Path | None, typer.Option(help="Show this model instead: .glb, .gltf, .obj, .ply or .stl")] = None,
     up: UpOption = None,
+    integrator: IntegratorOption = None,
     headless: Annotated[bool, typer.Option("--headless", help="No browser page")] = False,
     still: Annotated[bool, typer.Option("--still", help="Begin paused, at time 0")] = False,
     until_complete: Annotated[
@@ -91,7 +92,7 @@ def run(
         from wall.core.errors import ConfigError
 
         raise ConfigError("--record and --watch: a run that is recorded keeps its configuration; wanted: one of them")
-    loaded = load_config(config, scene, up=up, fit=fit)
+    loaded = load_config(config, scene, up=up, integrator=integrator, fit=fit)
     options = launch.Options(
         out=out or Path(loaded.config.output.directory),
         seconds=seconds,
@@ -118,6 +119,7 @@ def demo(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for wall.png, panel-ID.png and summary.json")] = None,
     scene: Annotated[Path | None, typer.Option(help="Show this model, or built-in scene, instead")] = None,
+    integrator: IntegratorOption = None,
     headless: Annotated[bool, typer.Option("--headless", help="No browser page")] = False,
 ) -> None:
     """Run the demo, wherever you are: a wall of four panels, with fewer pixels where there are fewer cores.
@@ -126,7 +128,7 @@ def demo(
     """
     from wall.commands.inputs import DEMO
 
-    run(DEMO, seconds=seconds, out=out, scene=scene, headless=headless, fit=True)
+    run(DEMO, seconds=seconds, out=out, scene=scene, integrator=integrator, headless=headless, fit=True)
 
 
 @app.command(name="set")

@@ -19,6 +19,9 @@ if TYPE_CHECKING:  # what is imported when it is called
 Names: TypeAlias = tuple[str, ...]
 
 UpOption = Annotated[str | None, typer.Option(help="What is up in .obj, .ply, .stl: x, y, z, -x, -y or -z")]
+IntegratorOption = Annotated[
+    str | None, typer.Option(help="How light is followed: direct, path or ambient_occlusion; else as configured")
+]
 ViewOption = Annotated[
     str | None, typer.Option(help="Only this view, as large as its place; else the first, on all of the wall")
 ]
@@ -41,6 +44,7 @@ def render(
     at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
     view: ViewOption = None,
     up: UpOption = None,
+    integrator: IntegratorOption = None,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers of an .exr, with commas between: albedo, normal, depth, variance, object_id; or all"),
@@ -58,6 +62,8 @@ def render(
 
     [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
 
+    [bold]wall render bunny.glb --integrator path -o bunny.png[/]
+
     [bold]wall render museum --layers all -o museum.exr[/]
 
     [bold]wall render configs/demo.yaml --frames 0:119 --rate 30 --film demo.mp4[/]
@@ -73,7 +79,7 @@ def render(
     quality = Quality(spp=spp, seed=seed, size=parse_size(size))
 
     def planned() -> Plan:
-        plan = make_plan(make_layout(load_config(what, up=up)))
+        plan = make_plan(make_layout(load_config(what, up=up, integrator=integrator)))
         plan = plan if view is None else plan_of_view(plan, view)
         print_notes(plan)
         return plan

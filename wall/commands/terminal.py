@@ -121,17 +121,20 @@ def fail(message: str) -> NoReturn:
     raise SystemExit(FAILED)
 
 
-def load_config(path: Path, scene: Path | None = None, *, up: str | None = None, fit: bool = False) -> Loaded:
+def load_config(
+    path: Path, scene: Path | None = None, *, up: str | None = None, integrator: str | None = None, fit: bool = False
+) -> Loaded:
     """Load a configuration, or the default one around a model or a built-in scene; `scene` replaces what it shows.
 
-    `up`: direction that is up in models; `fit`: fewer pixels on fewer cores.
+    `up`: direction that is up in models; `integrator`: how light is followed; `fit`: fewer pixels on fewer cores.
     """
     from wall.commands.inputs import load_any
-    from wall.config.loading import with_scene, with_up
+    from wall.config.loading import with_integrator, with_scene, with_up
 
     loaded = load_any(path)
     loaded = with_scene(loaded, scene) if scene is not None else loaded
     loaded = with_up(loaded, up) if up is not None else loaded
+    loaded = with_integrator(loaded, integrator) if integrator is not None else loaded
     if fit:
         from wall.commands.fit import fitted
 

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from wall.config import json_schema, yaml_text
+from wall.config.materials import AmbientOcclusionConfig, DirectConfig, PathConfig
 from wall.config.scene import SceneConfig, Up
 from wall.config.schema import Config
 from wall.config.views import CameraConfig, OrbitPathConfig
@@ -25,6 +26,9 @@ from wall.core.files import read_file
 
 VERSION = 1
 TOP = f"version: {VERSION}, scene, wall, views"
+INTEGRATORS: dict[str, type[DirectConfig | PathConfig | AmbientOcclusionConfig]] = {
+    "direct": DirectConfig, "path": PathConfig, "ambient_occlusion": AmbientOcclusionConfig,
+}  # fmt: skip
 MOST_EXPLAINED = 50  # refused values that are told one by one
 _ABSENT = object()
 
@@ -168,6 +172,24 @@ def with_up(loaded: Loaded, up: str) -> Loaded:
         raise ConfigError(f"--up {up}: is no direction; accepted: {', '.join(get_args(Up))}")
     scene = loaded.config.scene.model_copy(update={"up": up})
     return loaded.with_config(loaded.config.model_copy(update={"scene": scene}))
+
+
+def with_integrator(loaded: Loaded, method: str) -> Loaded:
+    """The same wall, light followed by one method in all of its views. Raises ConfigError.
+
+    An integrator of that method that the configuration has keeps its other values.
+    """
+    if method not in INTEGRATORS:
+        accepted = ", ".join(INTEGRATORS)
+        raise ConfigError(f"--integrator {method}: is not known; accepted: {accepted}{nearest(method, INTEGRATORS)}")
+    scene, views = loaded.config.scene, loaded.config.views
+    own, plain = scene.integrator, INTEGRATORS[method].model_validate({"method": method})
+    scene = scene.model_copy(update={"integrator": own if own is not None and own.method == method else plain})
+    kept = [view.integrator is not None and view.integrator.method == method for view in views]
+    others = (
+        view if keeps else view.model_copy(update={"integrator": None}) for view, keeps in zip(views, kept, strict=True)
+    )
+    return loaded.with_config(loaded.config.model_copy(update={"scene": scene, "views": tuple(others)}))
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

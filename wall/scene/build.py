@@ -22,7 +22,7 @@ from wall.scene.cuts import cuts_of
 from wall.scene.environment import read_environment
 from wall.scene.ground import ground
 from wall.scene.lights import STUDIO_SKY, configured_light, default_lights
-from wall.scene.materials import described, with_materials
+from wall.scene.materials import described, seen_on_paths, with_materials
 from wall.scene.model import (
     AmbientOcclusion,
     AreaLight,
@@ -216,6 +216,8 @@ def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Sourc
     if config.integrator is not None:
         depth, occlusion = integrated(config.integrator)
         source = replace(source, path_depth=depth, occlusion=occlusion)
+    if source.path_depth is None:
+        source = replace(source, notes=(*source.notes, *seen_on_paths(source)))
     if config.lights is not None:
         source = replace(source, lights=tuple(configured_light(light) for light in config.lights))
     if config.sky is not None:

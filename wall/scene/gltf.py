@@ -2,9 +2,10 @@
 
 trimesh reads geometry, instances and textures. It gives a material its name alone to be known by, which need not be
 unique; so each gets its number as name before trimesh sees the file. It keeps one set of texture coordinates, and
-vertex attributes whose names begin with `_`; so each set gets such a name too. glTF 2.0 specification; extensions
+vertex attributes whose names begin with `_`; so each set gets such a name too, as do positions and normals that are
+normalized integers, which trimesh takes for what they are. glTF 2.0 specification, 3.6.2; extensions
 KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission, _unlit, _volume;
-KHR_texture_transform.
+KHR_mesh_quantization; KHR_texture_transform.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from wall.scene.lights import unit
 from wall.scene.model import AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
 
 KEPT = "_"  # names of vertex attributes that trimesh keeps begin with it
+NORMALIZED = "_NORMALIZED"  # and those of integers that stand for 0..1, or -1..1, end with it
+INSTANCING = "EXT_mesh_gpu_instancing"
 MOST_BYTES = 1 << 32  # of a model, or a file beside it
 SMALLEST_CONE = 0.1  # degrees, of a spot whose angles make no cone
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
@@ -37,6 +40,7 @@ KNOWN = {
     "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
     "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume",
     "KHR_texture_transform", "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu",
+    "KHR_mesh_quantization", INSTANCING,
 }  # fmt: skip
 WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # OpenGL's numbers
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -66,43 +70,39 @@ def renamed(path: Path) -> tuple[bytes, dict[str, Any]]:
 
 
 def check_read(header: dict[str, Any]) -> None:
-    """Raise ValueError for what would give wrong shapes: sparse accessors of meshes and animations.
+    """Raise ValueError for what would give wrong shapes: sparse accessors of meshes, instances and animations.
 
     Accessors of morph targets are not read, whatever they are.
     """
     primitives = [primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]]
     used = {number for primitive in primitives for number in primitive["attributes"].values()}
     used |= {primitive["indices"] for primitive in primitives if "indices" in primitive}
+    extensions = [node.get("extensions", {}).get(INSTANCING, {}) for node in header.get("nodes", [])]
+    used |= {number for extension in extensions for number in extension.get("attributes", {}).values()}
     samplers = [sampler for animation in header.get("animations", []) for sampler in animation["samplers"]]
     used |= {sampler[end] for sampler in samplers for end in ("input", "output")}
     if sparse := [k for k in sorted(used) if "sparse" in header["accessors"][k]]:
         raise ValueError(f"its accessors {sparse} are sparse, wanted a file with all of their values")
 
 
-def binary_chunk(path: Path) -> bytes:
-    """The binary data of a .glb file."""
-    data = read_file(path, MOST_BYTES)
-    start = HEADER.size + CHUNK.size + CHUNK.unpack_from(data, HEADER.size)[0]
-    length, kind = CHUNK.unpack_from(data, start)
-    if kind != BINARY_CHUNK:
-        raise ValueError("it has no chunk of binary data")
-    return data[start + CHUNK.size : start + CHUNK.size + length]
-
-
 def _numbered(header: dict[str, Any]) -> dict[str, Any]:
+    accessors = header.get("accessors", [])
     materials = [{**material, "name": str(k)} for k, material in enumerate(header.get("materials", []))]
-    if not materials:
-        return header
     meshes = [
-        {**mesh, "primitives": [_with_kept_uvs(primitive) for primitive in mesh["primitives"]]}
+        {**mesh, "primitives": [_with_kept(primitive, accessors) for primitive in mesh["primitives"]]}
         for mesh in header.get("meshes", [])
     ]
-    return {**header, "materials": materials, "meshes": meshes}
+    return {**header, "meshes": meshes} | ({"materials": materials} if materials else {})
 
 
-def _with_kept_uvs(primitive: dict[str, Any]) -> dict[str, Any]:
-    given = primitive["attributes"]
-    kept = {KEPT + name: number for name, number in given.items() if name.startswith("TEXCOORD_")}
+def _with_kept(primitive: dict[str, Any], accessors: list[dict[str, Any]]) -> dict[str, Any]:
+    """A primitive that has its texture coordinates, and positions and normals that are normalized integers, once more
+    under names that trimesh keeps."""
+    given, kept = primitive["attributes"], {}
+    for name, number in given.items():
+        normalized = bool(accessors[number].get("normalized", False))
+        if name.startswith("TEXCOORD_") or (normalized and name in ("POSITION", "NORMAL")):
+            kept[f"{KEPT}{name}{NORMALIZED if normalized else ''}"] = number
     return {**primitive, "attributes": {**given, **kept}}
 
 
@@ -144,6 +144,19 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
         alpha=alpha,
         alpha_cutoff=_finite(found.get("alphaCutoff", 0.5)),
     )
+
+
+def undrawn(found: dict[str, Any]) -> list[str]:
+    """What a material of the file has that is not drawn, besides extensions."""
+    specular = found.get("extensions", {}).get("KHR_materials_specular", {})
+    textures = {"specularTexture", "specularColorTexture"} & specular.keys()
+    has = {
+        "occlusion texture": "occlusionTexture" in found,
+        "specular colour": any(_finite(c) != 1.0 for c in specular.get("specularColorFactor", ())),
+        "specular texture": bool(textures),
+        "culling of back faces": found.get("doubleSided") is False,  # as most are that do not say so
+    }
+    return [what for what, there in has.items() if there]
 
 
 class UvSet(NamedTuple):

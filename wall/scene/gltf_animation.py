@@ -7,12 +7,10 @@ glTF 2.0 specification, 3.11 and appendix C.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,16 +18,14 @@ from trimesh.util import unique_name
 
 from wall.config.scene import KeyframeConfig, KeyframesConfig, RotationConfig
 from wall.core.data import Float64
-from wall.core.files import read_file
 from wall.scene.animation import Moving
-from wall.scene.gltf import MOST_BYTES, binary_chunk, pose_of
+from wall.scene.gltf import pose_of
+from wall.scene.gltf_accessors import Accessors
 from wall.scene.model import Instance
 
 STEPS_PER_SECOND = 30
 MOST_KEYS = 5000  # of one object
 RIGID = 1e-3  # most that a motion may stretch an object by
-COMPONENTS = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5126: np.float32}
-WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 PATHS = ("translation", "rotation", "scale")
 UP_Y = (0.0, 1.0, 0.0)
 
@@ -84,7 +80,7 @@ def motions_of(
         return (), []
     notes = [f"it has {len(animations)} animations; the first one plays"] if len(animations) > 1 else []
     curves = _curves(path, header, animations[0])
-    numbers, parents = _node_numbers(header), _parents(header)
+    numbers, parents = node_numbers(header), _parents(header)
     end = max((float(curve.times[-1]) for curve in curves.values()), default=0.0)
     motions: list[Moving] = []
     stretched: list[str] = []
@@ -153,7 +149,7 @@ def _parents(header: dict[str, Any]) -> dict[int, int]:
     return {child: k for k, node in enumerate(header.get("nodes", [])) for child in node.get("children", [])}
 
 
-def _node_numbers(header: dict[str, Any]) -> dict[str, int]:
+def node_numbers(header: dict[str, Any]) -> dict[str, int]:
     """Numbers of the file's nodes by the names that trimesh gives them."""
     numbers: dict[str, int] = {}
     counts: dict[str | None, int] = {}
@@ -165,13 +161,14 @@ def _node_numbers(header: dict[str, Any]) -> dict[str, int]:
 def _curves(path: Path, header: dict[str, Any], animation: dict[str, Any]) -> dict[tuple[int, str], Curve]:
     """Curves by node and property; those of weights and of nodes that the file does not name are left out."""
     curves: dict[tuple[int, str], Curve] = {}
+    accessors = Accessors(path, header)
     for channel in animation["channels"]:
         target = channel["target"]
         if target.get("node") is None or target["path"] not in PATHS:
             continue
         sampler = animation["samplers"][channel["sampler"]]
-        times = _accessor(path, header, sampler["input"])[:, 0]
-        values = _accessor(path, header, sampler["output"])
+        times = accessors.values(sampler["input"])[:, 0]
+        values = accessors.values(sampler["output"])
         how = sampler.get("interpolation", "LINEAR")
         if how == "CUBICSPLINE":
             values = values.reshape(len(times), 3, -1)
@@ -180,26 +177,3 @@ def _curves(path: Path, header: dict[str, Any], animation: dict[str, Any]) -> di
             raise ValueError(f"{len(values)} values for {len(times)} times, wanted one each, at times that grow")
         curves[target["node"], target["path"]] = Curve(times=times, values=values, interpolation=how)
     return curves
-
-
-def _accessor(path: Path, header: dict[str, Any], number: int) -> Float64:
-    """(n, width) numbers of an accessor; integers are normalised, as rotations may be."""
-    found = header["accessors"][number]
-    view = header["bufferViews"][found["bufferView"]]
-    kind: np.dtype[Any] = np.dtype(COMPONENTS[found["componentType"]]).newbyteorder("<")
-    width = WIDTHS[found["type"]]
-    start = view.get("byteOffset", 0) + found.get("byteOffset", 0)
-    stride = view.get("byteStride", width * kind.itemsize)
-    data = _buffer(path, header, view["buffer"])
-    rows = np.ndarray((found["count"], width), kind, data, start, (stride, kind.itemsize)).astype(np.float64)
-    return rows if kind.kind == "f" else np.maximum(rows / np.iinfo(kind).max, -1.0)
-
-
-def _buffer(path: Path, header: dict[str, Any], number: int) -> bytes:
-    """Bytes of a buffer: of the file itself, of a data URI, or of a file beside it."""
-    uri = header["buffers"][number].get("uri")
-    if uri is None:
-        return binary_chunk(path)
-    if uri.startswith("data:"):
-        return base64.b64decode(uri.partition(",")[2])
-    return read_file(path.parent / unquote(uri), MOST_BYTES)

@@ -34,6 +34,7 @@ from wall.scene.gltf import (
     KEPT,
     MALFORMED,
     MOST_BYTES,
+    NORMALIZED,
     UvSet,
     cameras_of,
     check_read,
@@ -42,8 +43,10 @@ from wall.scene.gltf import (
     unread,
 )
 from wall.scene.gltf_animation import motions_of
+from wall.scene.gltf_instancing import instance_poses
 from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
+from wall.scene.mtl import Maps, options_of
 from wall.scene.repair import RawMesh, Repaired, repair
 from wall.scene.up import Y_FROM
 
@@ -66,7 +69,7 @@ def load(path: Path, up: Up = "auto") -> Source:
         turn[:3, :3] = Y_FROM[chosen]
         guess = f"{path.name}: the format does not say which way is up; {chosen} is taken to be; scene.up or --up says"
         notes += [guess] if up == "auto" else []
-    palette = Palette(linear_vertex_colors=gltf, header=header)
+    palette = Palette(linear_vertex_colors=gltf, header=header, maps=Maps(_Beside(str(path)).get))
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
     for name, geometry in loaded.geometry.items():
@@ -75,20 +78,22 @@ def load(path: Path, up: Up = "auto") -> Source:
         if isinstance(repaired, Repaired):
             numbers[name] = (len(meshes), repaired.unit)
             meshes.append(repaired.mesh)
-    placed = list(_instances(loaded, numbers, notes))
+    try:
+        lights, said = lights_of(header)
+        cameras, more = cameras_of(header)
+        poses = instance_poses(path, header)
+        said += [*more, *unread(header)]
+    except (*MALFORMED, OSError, struct.error) as error:
+        raise SceneError(f"{path}: cannot be read as glTF, {type(error).__name__}: {error}") from error
+    placed = list(_instances(loaded, numbers, poses, notes))
     instances = [replace(i, world_from_object=turn @ i.world_from_object) for _, i in placed]
-    notes += palette.notes + palette.images.notes + palette.simplified()
+    notes += palette.said()
     if not instances:
         raise SceneError(
             f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"
             + "".join(f"\n  {note}" for note in notes)
         )
-    try:
-        lights, said = lights_of(header)
-        cameras, more = cameras_of(header)
-        notes += [f"{path.name}: {what}" for what in (*said, *more, *unread(header))]
-    except MALFORMED as error:
-        raise SceneError(f"{path}: cannot be read as glTF, {type(error).__name__}: {error}") from error
+    notes += [f"{path.name}: {what}" for what in said]
     source = Source(
         meshes=tuple(meshes),
         materials=tuple(palette.materials),
@@ -96,6 +101,7 @@ def load(path: Path, up: Up = "auto") -> Source:
         instances=tuple(instances),
         lights=lights or None,
         cameras=cameras,
+        of_paths=tuple(palette.of_paths),
     )
     source = replace(source, motions=_motions(path, header, source, [frame for frame, _ in placed], notes))
     return _comfortable(source, notes)
@@ -152,7 +158,7 @@ class _Beside(trimesh.resolvers.FilePathResolver):
 
     def get(self, name: str) -> bytes:
         """The bytes of a file that a model names. Raises OSError, and ValueError for one that is not beside it."""
-        name = name.strip()
+        name = options_of(name.split())[1] if name.strip().startswith("-") else name.strip()  # of a map_Kd
         inside = [self.absolute(each) for each in (name, name.lstrip("/"), Path(name).name) if self._is_inside(each)]
         found = next((path for path in inside if path.exists()), self.absolute(name))
         return read_file(found, MOST_BYTES)
@@ -188,7 +194,7 @@ def _overheard(where: str) -> Iterator[list[str]]:
 def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, ...]:
     """One of the file's geometries, repaired; or why there is nothing to draw in it."""
     triangles = _triangles(geometry)
-    vertices = np.asarray(geometry.vertices, np.float64)
+    vertices = _attribute("POSITION", geometry, np.asarray(geometry.vertices, np.float64))
     if triangles is None or vertices.ndim != 2 or vertices.shape[1] != 3:
         what = f"{type(geometry).__name__} of {len(vertices)} points"
         points = "; points are shown by scene.data, type: points" if "Point" in what else ""
@@ -196,7 +202,8 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
     if len(triangles) == 0:
         return (f"mesh {name!r} is empty, and is left out",)
     visual: Any = getattr(geometry, "visual", None)
-    normals = geometry.vertex_normals if "vertex_normals" in geometry._cache else None
+    given = np.asarray(geometry.vertex_normals, np.float64) if "vertex_normals" in geometry._cache else None
+    normals = _attribute("NORMAL", geometry, given)
     if getattr(visual, "kind", None) == "face" and triangles.min() >= 0 and triangles.max() < len(vertices):
         colors = palette.linear(np.repeat(np.asarray(visual.face_colors), 3, axis=0))
         corners = triangles.reshape(-1)
@@ -204,13 +211,14 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
         return repair(RawMesh(name=name, vertices=vertices[corners], triangles=own, colors=colors), palette.plain())
     colors_or_none = palette.vertex_colors(visual, len(vertices))
     material = palette.material(visual) if colors_or_none is None or hasattr(visual, "material") else palette.plain()
+    palette.see_alpha(visual, material)
     textured = any(k is not None for k in palette.materials[material].textures)
     uvs, notes = _uvs(name, geometry, palette.uv_sets.get(material, (UvSet(),))) if textured else (None, ())
     raw = RawMesh(
         name=name,
         vertices=vertices,
         triangles=triangles,
-        normals=None if normals is None else np.asarray(normals, np.float64),
+        normals=normals,
         uvs=uvs,
         colors=colors_or_none,
     )
@@ -218,16 +226,28 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
     return repair(raw, material)
 
 
+def _attribute(name: str, geometry: Any, otherwise: Float64 | None) -> Any:
+    """(v, width) float64 of an attribute that a glTF's mesh has kept; its normalized integers are what they stand for.
+
+    otherwise : what it is where the mesh has kept none. glTF 2.0 specification, 3.6.2.
+    """
+    attributes = getattr(geometry, "vertex_attributes", {})
+    whole = attributes.get(f"{KEPT}{name}{NORMALIZED}")
+    if whole is not None and np.issubdtype(whole.dtype, np.integer):
+        return np.maximum(whole / np.iinfo(whole.dtype).max, -1.0)
+    plain = attributes.get(f"{KEPT}{name}") if whole is None else whole
+    return otherwise if plain is None else np.asarray(plain, np.float64)
+
+
 def _uvs(name: str, geometry: Any, wanted: tuple[UvSet, ...]) -> tuple[Float64 | None, tuple[str, ...]]:
     """(v, 2 n) texture coordinates, v up, of a mesh that shows n sets, and notes of those that it lacks; None: it has
-    none at all. A glTF's integers stand for 0..1.
+    none at all.
     """
-    found, attributes = {0: getattr(geometry.visual, "uv", None)}, getattr(geometry, "vertex_attributes", {})
+    found = {0: getattr(geometry.visual, "uv", None)}
     for number in {0} | {uv_set.number for uv_set in wanted}:
-        down = attributes.get(f"{KEPT}TEXCOORD_{number}")
-        if down is not None and np.ndim(down) == 2 and np.shape(down)[1] == 2:
-            whole = np.iinfo(down.dtype).max if np.issubdtype(down.dtype, np.integer) else 1
-            found[number] = np.stack([down[:, 0] / whole, 1.0 - down[:, 1] / whole], 1)
+        down = _attribute(f"TEXCOORD_{number}", geometry, None)
+        if down is not None and down.ndim == 2 and down.shape[1] == 2:
+            found[number] = np.stack([down[:, 0], 1.0 - down[:, 1]], 1)
     sets = {number: np.asarray(uvs, np.float64)[:, :2] for number, uvs in found.items() if uvs is not None}
     sets = {number: uvs for number, uvs in sets.items() if len(uvs) == len(geometry.vertices)}
     if not sets:
@@ -272,24 +292,30 @@ def strip_triangles(strip: NDArray[np.int64]) -> NDArray[np.int64]:
     return windows[(windows >= 0).all(axis=1)]
 
 
-def _instances(loaded: Any, numbers: dict[str, tuple[int, float]], notes: list[str]) -> Iterator[tuple[str, Instance]]:
-    """Every placement in the file's graph of a mesh that is left, and the frame of the file's node that makes it."""
+def _instances(
+    loaded: Any, numbers: dict[str, tuple[int, float]], poses: dict[str, Float64], notes: list[str]
+) -> Iterator[tuple[str, Instance]]:
+    """Every placement in the file's graph of a mesh that is left, and the frame of the file's node that makes it.
+
+    numbers : of meshes, with their units; poses : (n, 4, 4) by frames that place their meshes many times
+    """
     for node in loaded.graph.nodes_geometry:
         matrix, geometry = loaded.graph[node]
         if geometry not in numbers:
             continue
         number, unit = numbers[geometry]
-        placement = np.array(matrix, np.float64)
         part = loaded.geometry[geometry].metadata.get("from_gltf_primitive")  # one of a node's several meshes
         unnamed = str(node).isdigit() or part
         name = str(geometry if unnamed else node)
-        if not np.isfinite(placement).all() or _flat(placement[:3, :3]):
+        frame = str(loaded.graph.transforms.parents[node] if part else node)
+        placements = np.array(matrix, np.float64) @ poses.get(frame, np.eye(4)[None])
+        good = [bool(np.isfinite(each).all()) and not _flat(each[:3, :3]) for each in placements]
+        if not all(good):
             notes.append(f"object {name!r}: its placement squashes it flat or is not finite; left out")
-            continue
-        placement[:3, :3] *= unit
-        placement[3] = 0.0, 0.0, 0.0, 1.0
-        frame = loaded.graph.transforms.parents[node] if part else node
-        yield str(frame), Instance(name=name, mesh=number, world_from_object=placement)
+        placements[:, :3, :3] *= unit
+        placements[:, 3] = 0.0, 0.0, 0.0, 1.0
+        for placement in placements[good]:
+            yield frame, Instance(name=name, mesh=number, world_from_object=placement)
 
 
 def _flat(matrix: Float64) -> bool:

@@ -21,6 +21,7 @@ from wall.core.errors import SceneError
 from wall.scene.model import Material, Source
 
 NAMES_SHOWN = 20
+NAMES_IN_NOTE = 8
 BLACK = (0.0, 0.0, 0.0)
 
 
@@ -117,3 +118,22 @@ def described(wanted: str, known: Sequence[str]) -> str:
     meant = f"did you mean {near[0]!r}? " if near else ""
     more = f" and {len(known) - NAMES_SHOWN} more" if len(known) > NAMES_SHOWN else ""
     return f"{meant}there are {', '.join(known[:NAMES_SHOWN])}{more}"
+
+
+def seen_on_paths(source: Source) -> list[str]:
+    """A note that names materials of a file which direct light shows as others; none without any."""
+    there = {m.name for m in source.materials if m.metallic > 0.0 or m.transmission > 0.0 or max(m.emission) > 0.0}
+    names = [name for name in dict.fromkeys(source.of_paths) if name in there]
+    if not names:
+        return []
+    many = "materials are" if len(names) > 1 else "material is"
+    return [
+        f"{len(names)} {many} metal, glass or shining ({listed(names)}): direct light shows metal and glass matt, and "
+        "what shines lights nothing; --integrator path, or scene: {integrator: {method: path}}, shows them"
+    ]
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a note, the first NAMES_IN_NOTE of them."""
+    more = f", and {len(names) - NAMES_IN_NOTE} more" if len(names) > NAMES_IN_NOTE else ""
+    return ", ".join(names[:NAMES_IN_NOTE]) + more

@@ -235,6 +235,7 @@ class Source:
     path_depth: int | None = None  # most surfaces that scatter a path; None: direct light alone
     occlusion: AmbientOcclusion | None = None  # paths of one surface, and no light that is followed
     ground: bool = False  # one is laid under everything
+    of_paths: tuple[str, ...] = ()  # materials of a file that direct light shows as others: metal, glass, what shines
     notes: tuple[str, ...] = ()  # each repair or assumption, for a reader
 
 

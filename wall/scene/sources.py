@@ -84,6 +84,7 @@ def joined(sources: Sequence[Source]) -> Source:
         series=tuple(series),
         path_depth=max((source.path_depth for source in sources if source.path_depth is not None), default=None),
         cameras=tuple(camera for source in sources for camera in source.cameras),
+        of_paths=tuple(name for source in sources for name in source.of_paths),
         notes=tuple(note for source in sources for note in source.notes),
     )
 

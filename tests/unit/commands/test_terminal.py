@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 from rich.table import Table
+from typer.testing import CliRunner
 
+from wall import cli
 from wall.commands.terminal import Terminal, load_config, print_notes, readably
 from wall.core.errors import ConfigError
 from wall.roles.plan import make_layout, make_plan
@@ -77,6 +79,37 @@ def test_the_way_that_is_up_is_told_on_the_command_line(tmp_path: Path) -> None:
     assert load_config(DEMO, tmp_path / "a.obj", up="-z").config.scene.up == "-z"
     with pytest.raises(ConfigError, match="--up q: is no direction; accepted: auto, x, y, z, -x, -y, -z"):
         load_config(DEMO, up="q")
+
+
+def test_an_integrator_on_the_command_line_is_that_of_every_view(tmp_path: Path) -> None:
+    """One of that method keeps its depth; others, of the scene and of views, are replaced."""
+    (tmp_path / "a.yaml").write_text(
+        """\
+version: 1
+scene: {source: cornell, integrator: {method: path, depth: 3}}
+wall: {grid: {columns: 2, rows: 1, pixels: [40, 30], size: [0.4, 0.3]}}
+views:
+  - {id: main, panels: [r0c0], integrator: {method: direct}}
+  - {id: other, panels: [r0c1], integrator: {method: path, depth: 2}}
+"""
+    )
+    for method, depth in (("path", 3), ("direct", None), ("ambient_occlusion", 1)):
+        plan = make_plan(make_layout(load_config(tmp_path / "a.yaml", integrator=method)))
+        assert plan.scene.path_depth == depth
+        assert plan.scenes[1].path_depth == (2 if method == "path" else depth)
+        assert (plan.scene.occlusion is not None) == (method == "ambient_occlusion")
+    with pytest.raises(ConfigError) as refused:
+        load_config(DEMO, integrator="paths")
+    assert str(refused.value) == (
+        "--integrator paths: is not known; accepted: direct, path, ambient_occlusion; did you mean path?"
+    )
+
+
+@pytest.mark.parametrize("command", [["run", str(DEMO)], ["demo"], ["render", str(DEMO), "-o", "a.png"]])
+def test_commands_that_open_models_take_an_integrator(command: list[str]) -> None:
+    failed = CliRunner().invoke(cli.app, [*command, "--integrator", "paths"]).exception
+    assert isinstance(failed, ConfigError)
+    assert str(failed).startswith("--integrator paths: is not known")
 
 
 def test_a_model_that_is_not_there_is_sought_beside_the_caller_not_beside_the_configuration() -> None:

@@ -90,6 +90,7 @@ server
             {
                 channel ( segment "r" )
                 tile_equalizer { name "q" size [ 64 64 ] }
+                chunk_equalizer { size 0.01 distribution_strategy EQUAL }
                 outputtiles { name "q" size [ 64 64 ] }
                 compound { inputtiles { name "q" } }
                 attributes { stereo_mode PASSIVE update_FOV ON }

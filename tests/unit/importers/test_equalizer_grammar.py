@@ -81,6 +81,17 @@ def test_every_word_is_read_wherever_it_may_stand(block: str) -> None:
         assert word in [one.word for one in top.walk()]
 
 
+@pytest.mark.parametrize("word", ["tile_equalizer", "chunk_equalizer", "outputtiles", "inputchunks"])
+def test_sizes_of_tiles_and_chunks_are_pixels_or_a_share(word: str) -> None:
+    """Equalizer 2.1 writes `size [ 64 64 ]` for tiles; a variant with chunks writes `size 0.01` for these."""
+    for written, values in (("[ 64 32 ]", [64.0, 32.0]), ("0.01", [0.01])):
+        top = parse(f'config {{ compound {{ {word} {{ name "q" size {written} }} }} }}', "f.eqc")
+        assert [one.values for one in top.walk() if one.word == "size"] == [values]
+    for wrong in ("[ 64 ]", "[ 0.1 0.1 ]", "large"):
+        with pytest.raises(ConfigError, match="size"):
+            parse(f"config {{ compound {{ {word} {{ size {wrong} }} }} }}", "f.eqc")
+
+
 def test_no_keyword_of_the_language_is_missing() -> None:
     words = {word for block in BLOCKS.values() for word in block} | set(SETTINGS) | set(ALIASES) | {"CORE", "SOCKET"}
     words |= {word for block in BLOCKS.values() for rule in block.values() for word in rule.words}

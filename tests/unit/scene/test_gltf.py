@@ -11,8 +11,10 @@ import pytest
 from gltf_documents import document, loaded
 
 from wall.config.loading import load as load_configuration
+from wall.config.scene import SceneConfig
 from wall.core.errors import ConfigError, SceneError
 from wall.roles.plan import Plan, make_layout, make_plan
+from wall.scene.build import build
 from wall.scene.loading import load
 from wall.scene.model import DirectionalLight, Material, PointLight, Source, SpotLight
 
@@ -211,8 +213,8 @@ def test_sparse_accessors_of_meshes_are_refused(tmp_path: Path) -> None:
 
 def test_what_is_not_read_is_noted(tmp_path: Path) -> None:
     found = document([{"name": "plain"}], skins=[{}])
-    found["extensionsUsed"] = ["KHR_materials_ior", "EXT_unheard_of", "EXT_mesh_gpu_instancing"]
-    found["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    found["extensionsUsed"] = ["KHR_materials_ior", "EXT_unheard_of", "EXT_meshopt_compression"]
+    found["extensionsRequired"] = ["EXT_meshopt_compression"]
     notes = " ".join(loaded(tmp_path, found).notes)
     for said in ("skins are not read", "not read: EXT_unheard_of", "requires and that are not read, so that"):
         assert said in notes
@@ -256,6 +258,22 @@ def test_wrong_lights_are_refused(tmp_path: Path, lights: Any) -> None:
     found["nodes"][0]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
     with pytest.raises(SceneError, match=r"model.gltf: cannot be read as glTF"):
         loaded(tmp_path, found)
+
+
+@pytest.mark.parametrize(
+    ("material", "noted"),
+    [
+        ({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}, True),
+        ({"emissiveFactor": [1, 1, 1]}, True),
+        ({"emissiveFactor": [1, 1, 1], "extensions": {"KHR_materials_unlit": {}}}, False),
+        ({}, False),
+    ],
+)
+def test_what_direct_light_shows_as_other_is_noted(tmp_path: Path, material: dict[str, Any], noted: bool) -> None:
+    found = {"name": "lamp", "pbrMetallicRoughness": {"metallicFactor": 0}, **material}
+    loaded(tmp_path, document([found]))
+    notes = build(SceneConfig(source="model.gltf"), tmp_path).notes
+    assert any("1 material is metal, glass or shining (lamp)" in note for note in notes) == noted
 
 
 def test_old_glossy_materials_are_no_metal(tmp_path: Path) -> None:

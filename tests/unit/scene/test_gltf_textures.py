@@ -63,7 +63,7 @@ def test_a_material_has_all_its_textures(tmp_path: Path) -> None:
     np.testing.assert_array_equal(base.texels[0, 0], [200, 0, 0])
     np.testing.assert_array_equal(rough.texels[0, 0], [0, 128, 64])
     assert (door.metallic, door.normal_scale) == (0.5, 0.25)
-    assert source.notes == ("1 material is metal, diffuse under direct light (door)",)
+    assert source.notes == ()
 
 
 @pytest.mark.parametrize(("mode", "cutoff"), [("MASK", 0.25), ("BLEND", 0.5)])
@@ -184,3 +184,37 @@ def test_a_sampler_that_cannot_be_read_is_noted(tmp_path: Path, sampler: Any) ->
     assert len(source.notes) == 1
     assert "material 'grey': its numbers cannot be read" in source.notes[0]
     assert source.materials[0].textures == NO_TEXTURES._replace(base_color=0)
+
+
+def test_what_is_not_drawn_of_materials_is_in_one_note(tmp_path: Path) -> None:
+    specular = {"specularColorFactor": [1, 0.5, 1], "specularColorTexture": {"index": 0}}
+    wall = {"name": "wall", "occlusionTexture": {"index": 1}, "doubleSided": False}
+    source = with_images(
+        tmp_path,
+        [
+            {**wall, "extensions": {"KHR_materials_specular": specular}},
+            {"name": "floor", "occlusionTexture": {"index": 1}, "doubleSided": True},
+            {"name": "plain", "extensions": {"KHR_materials_specular": {"specularColorFactor": [1, 1, 1]}}},
+        ],
+    )
+    assert source.notes == (
+        "of its materials is not drawn: occlusion texture (wall, floor); specular colour (wall); "
+        "specular texture (wall); culling of back faces (wall)",
+    )
+
+
+@pytest.mark.parametrize(
+    ("mode", "alpha", "noted"),
+    [("BLEND", 0.5, True), ("MASK", 0.5, True), ("BLEND", 1.0, False), ("OPAQUE", 0.5, False)],
+)
+def test_alpha_of_vertex_colours_is_noted_where_the_material_uses_it(
+    tmp_path: Path, mode: str, alpha: float, noted: bool
+) -> None:
+    found = document([{"name": "fog", "alphaMode": mode}])
+    colors = np.array([[1, 0, 0, 1], [1, 0, 0, alpha], [1, 0, 0, 1]], np.float32)
+    found["buffers"].append({"byteLength": colors.nbytes, "uri": data_uri(colors.tobytes())})
+    found["bufferViews"].append({"buffer": 1, "byteLength": colors.nbytes})
+    found["accessors"].append({"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC4"})
+    found["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2
+    notes = loaded(tmp_path, found).notes
+    assert notes == (("of its materials is not drawn: alpha of vertex colours (fog)",) if noted else ())

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 
+from wall.config.materials import AmbientOcclusionConfig, DiffuseConfig, PathConfig
 from wall.config.scene import SceneConfig, Up
 from wall.core.errors import SceneError
 from wall.scene.build import Scene, build
@@ -24,8 +26,8 @@ def written(path: Path, text: str | bytes) -> Path:
     return path
 
 
-def scene_of(path: Path) -> Scene:
-    return build(SceneConfig(source=path.name), path.parent)
+def scene_of(path: Path, **more: Any) -> Scene:
+    return build(SceneConfig(source=path.name, **more), path.parent)
 
 
 def world_triangles(scene: Scene | Source) -> np.ndarray:
@@ -90,12 +92,12 @@ def with_materials(path: Path, *materials: trimesh.visual.material.PBRMaterial) 
     return path
 
 
-def test_glb_metal_is_noted_once_a_file(tmp_path: Path) -> None:
+def test_glb_metal_is_noted_once_a_file_under_direct_light_alone(tmp_path: Path) -> None:
     """A metallic factor that is left out is 1, says glTF; a texture's blue channel multiplies it."""
     pbr = trimesh.visual.material.PBRMaterial
     rust, paint = (Image.new("RGB", (2, 2), (0, 128, blue)) for blue in (200, 0))
     source = load(
-        with_materials(
+        car := with_materials(
             tmp_path / "car.glb",
             pbr(name="chrome", metallicFactor=1.0, roughnessFactor=0.1),
             pbr(name="rubber", metallicFactor=0.0),
@@ -107,16 +109,21 @@ def test_glb_metal_is_noted_once_a_file(tmp_path: Path) -> None:
             pbr(name="floor", metallicFactor=0.0, alphaMode="OPAQUE"),
         )
     )
-    assert [note for note in source.notes if "metal" in note] == [
-        "3 materials are metal, diffuse under direct light (chrome, rim, door)"
+    assert [note for note in scene_of(car).notes if "metal" in note] == [
+        "3 materials are metal, glass or shining (chrome, rim, door): direct light shows metal and glass matt, and "
+        "what shines lights nothing; --integrator path, or scene: {integrator: {method: path}}, shows them"
     ]
+    for integrator in (PathConfig(method="path"), AmbientOcclusionConfig(method="ambient_occlusion")):
+        assert not [note for note in scene_of(car, integrator=integrator).notes if "metal" in note]
+    matt = (DiffuseConfig(type="diffuse", material="*"),)
+    assert not [note for note in scene_of(car, materials=matt).notes if "metal" in note]
     modes = {material.name: material.alpha_mode for material in source.materials}
     assert (modes["leaf"], modes["glass"], modes["floor"]) == ("mask", "blend", "opaque")
 
 
 def test_glb_without_metal_has_no_note_of_it(tmp_path: Path) -> None:
-    plain = trimesh.visual.material.PBRMaterial(name="plain", metallicFactor=0.0)
-    assert load(with_materials(tmp_path / "plain.glb", plain)).notes == ()
+    plain = trimesh.visual.material.PBRMaterial(name="plain", metallicFactor=0.0, doubleSided=True)
+    assert scene_of(with_materials(tmp_path / "plain.glb", plain)).notes == ()
 
 
 def test_obj_with_mtl_and_texture(tmp_path: Path) -> None:

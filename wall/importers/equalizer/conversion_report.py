@@ -33,6 +33,7 @@ REASONS: Mapping[str, str] = {
     "tree_equalizer": _BALANCE, "loadBalancer": _BALANCE, "DFR_equalizer": _BALANCE + ", at full resolution",
     "framerate_equalizer": "load balance: every rank sends what it has at once", "view_equalizer": _BALANCE,
     "tile_equalizer": _BALANCE, "tiles": _BALANCE, "size": _BALANCE, "outputtiles": _BALANCE, "inputtiles": _BALANCE,
+    "chunk_equalizer": _BALANCE, "outputchunks": _BALANCE, "inputchunks": _BALANCE, "distribution_strategy": _BALANCE,
     "monitor_equalizer": "load balance: panels are not shown again, scaled",
     "zoom": "panels are rendered at their own resolution",
     "period": "time-multiplex: its ranks share every picture instead", "phase": "time-multiplex: its ranks share "

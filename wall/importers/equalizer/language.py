@@ -1,6 +1,8 @@
 """The rules of Equalizer's configuration language: the words of each block, and what follows each word.
 
-Source: the language that Equalizer's server reads (versions 0.6 to 2.1), as its lexer and parser define it.
+Source: the language that Equalizer's server reads (versions 0.6 to 2.1), as its lexer and parser define it, and the
+chunks of a variant of it (D. Steiner, 2013 to 2015). Sizes of tiles and of chunks are read in either form, since
+nothing here uses them.
 """
 
 from __future__ import annotations
@@ -63,6 +65,7 @@ BUFFERS = Rule("words", words=("COLOR", "DEPTH"))
 MASK = Rule("words", words=("RED", "GREEN", "BLUE"))
 CONNECTION = Rule("connection", words=("TCPIP", "SDP", "PIPE", "RSP", "RDMA", "UDT", "MCIP"))
 REFERENCE = Rule("reference")
+STRATEGIES = ("NONE", "EQUAL", "RANDOM", "LOAD_AWARE", "LATENCY_AWARE", "CENT_LOAD_AWARE")
 BALANCE = ("2D", "DB", "HORIZONTAL", "VERTICAL")
 
 
@@ -80,7 +83,7 @@ _EQUALIZERS = {
     "DFR_equalizer": _block("DFR_equalizer"), "framerate_equalizer": _block("empty"),
     "load_equalizer": _block("load_equalizer"), "tree_equalizer": _block("load_equalizer"),
     "monitor_equalizer": _block("empty"), "view_equalizer": _block("empty"), "tile_equalizer": _block("tiles"),
-    "loadBalancer": _block("loadBalancer"),
+    "chunk_equalizer": _block("tiles"), "loadBalancer": _block("loadBalancer"),
 }  # fmt: skip
 _LOAD = {
     "damping": NUMBER, "boundary": Rule("bound"), "resistance": Rule("bound"), "assemble_only_limit": NUMBER,
@@ -98,7 +101,8 @@ _COMPOUND = {
     "pixel": Rule("wholes", count=4), "subpixel": Rule("wholes", count=2), **_FRUSTUM, **_EQUALIZERS,
     "mode": Rule("words", words=("SYNC",)), "swapbarrier": _block("swapbarrier"),
     "outputframe": _block("frame"), "inputframe": _block("frame"),
-    "outputtiles": _block("tiles"), "inputtiles": _block("tiles"), "attributes": _block("attributes"),
+    "outputtiles": _block("tiles"), "inputtiles": _block("tiles"),
+    "outputchunks": _block("tiles"), "inputchunks": _block("tiles"), "attributes": _block("attributes"),
 }  # fmt: skip
 
 BLOCKS: Mapping[str, Mapping[str, Rule]] = {
@@ -160,7 +164,9 @@ BLOCKS: Mapping[str, Mapping[str, Rule]] = {
     "loadBalancer": {
         **_LOAD, "mode": Rule("word", words=(*BALANCE, "DPLEX", "DFR", "DDS")), "framerate": NUMBER,
     },
-    "tiles": {"name": STRING, "size": Rule("wholes", count=2)},
+    "tiles": {  # two whole numbers of pixels; of chunks one, the share of the data that is one of them
+        "name": STRING, "size": Rule("bound"), "distribution_strategy": Rule("word", words=STRATEGIES),
+    },
     "swapbarrier": {"name": STRING, "NV_group": SETTING, "NV_barrier": SETTING},
     "frame": _FRAME,
     "attributes": {
