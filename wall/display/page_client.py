@@ -99,7 +99,8 @@ class PageClient:
             if isinstance(error, TimeoutError):
                 raise RunError(f"{self._where}: no answer within {patience_s:g} s") from error
             if isinstance(error, aiohttp.ClientError | OSError | ValueError | TypeError):
-                raise RunError(f"{self._where}: no wall answers: {error}; wanted: the address of its page") from error
+                why = getattr(error, "strerror", "") or error
+                raise RunError(f"{self._where}: no wall answers ({why}); wanted: the address of its page") from error
             raise
         return session, connection
 

@@ -57,6 +57,8 @@ class Commands:
             self.take(command, editor, directors, now)
 
     def _check(self, command: Command, plan: Plan, directors: Sequence[Director]) -> None:
+        if command.kind == "statistics":
+            raise EditError("command statistics: want `overlay` of a page, which asks for them")
         if command.kind in OF_ONE_VIEW and command.view >= len(directors):
             raise EditError(f"command {command.kind}: view = {command.view}: want one of {_views(directors)}")
         if command.kind == "sampler" and command.value not in (known := samplers_of(plan)):
