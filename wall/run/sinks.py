@@ -85,12 +85,16 @@ def _access(loaded: Loaded) -> dict[str, Any]:
 
 def _windows(plan: Plan, rank: int) -> WindowSink | None:
     panels = window_panels(plan.layout, (rank,))
-    return WindowSink(panels, refresh_hz=max(view.refresh_hz for view in plan.views)) if panels else None
+    if not panels:
+        return None
+    windows = WindowSink(panels, refresh_hz=max(view.refresh_hz for view in plan.views))
+    lay_out(plan, [windows])
+    return windows
 
 
 def lay_out(plan: Plan, sinks: list[Sink | None]) -> None:
     """Let sinks tell their viewers of this plan's panels and views."""
-    for sink in sinks:
+    for sink in distinct(sinks):
         if isinstance(sink, LaysOut):
             views = [view.id for view in plan.views]
             sink.lay_out(plan.layout.wall, views, why_images(plan.layout), zoomed_places(plan.layout))
