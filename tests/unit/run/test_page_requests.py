@@ -89,7 +89,7 @@ def told(address: str, *messages: object, answers: int | None = None) -> list[di
     wanted = sum("id" in m for m in messages if isinstance(m, dict)) if answers is None else answers
 
     async def act() -> list[dict[str, Any]]:
-        found = []
+        found = list[dict[str, Any]]()
         async with aiohttp.ClientSession() as session, session.ws_connect(stream_of(address), max_msg_size=0) as wall:
             for message in messages:
                 await wall.send_str(message if isinstance(message, str) else json.dumps(message))
