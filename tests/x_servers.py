@@ -54,6 +54,17 @@ def comes_true(what: Callable[[], bool]) -> bool:
     return True
 
 
+def scroll(display: str, at: tuple[int, int]) -> None:
+    """Turn the wheel up by one notch, with the pointer at a place of the screen."""
+    server = Display(display)
+    server.screen().root.warp_pointer(*at)
+    server.sync()
+    for event in (X.ButtonPress, X.ButtonRelease):
+        xtest.fake_input(server, event, 4)
+    server.sync()
+    server.close()
+
+
 def press(display: str, key: int, window_at: tuple[int, int]) -> None:
     """Press and let go a key, over the window at a place of the screen."""
     server = Display(display)

@@ -1,10 +1,11 @@
-"""Talk to a running wall from Python: read its parameters, change them, undo, load another configuration.
+"""Talk to a running wall from Python: read its parameters, change them, undo, steer, load another configuration.
 
 >>> import wall.client
->>> with wall.client.connect("OUT") as run:  # the folder of results of `wall run`
+>>> with wall.client.connect("OUT") as run:  # the folder of results of `wall run`, or the address of its page
 ...     run.set({"lights.0.intensity": (8, 7, 5), "exposure": 1})
 ...     run.parameters("lights.*")["lights.0.intensity"].value
 ...     run.undo()
+...     run.orbit(0.25, view="map")
 ...     run.load("another.yaml")
 """
 
@@ -14,9 +15,10 @@ import math
 import secrets
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
 from wall.display.base import ParameterState
@@ -24,9 +26,13 @@ from wall.packets.control import ALL_BUT_OBJECTS, EditAnswer, EditRequest, parse
 from wall.packets.joining import JoinAnswer, JoinRequest
 from wall.packets.json_body import MAX_COMMANDS
 from wall.run import control_file
+from wall.run.page_requests import message_of
 from wall.transport.base import FIRST_CLIENT
 from wall.transport.curve import Keys
 from wall.transport.factory import connect as open_link
+
+if TYPE_CHECKING:
+    from wall.display.page_client import PageClient
 
 A = TypeVar("A", EditAnswer, JoinAnswer)
 ANSWER_S = 5.0  # wait for a wall's answer, at most
@@ -40,11 +46,10 @@ class Client:
     Raises RunError where no wall answers, EditError where it refuses; then nothing was changed.
     """
 
-    def __init__(self, control: control_file.Control, *, patience_s: float = ANSWER_S) -> None:
-        self._control, self._patience_s = control, patience_s
-        self._client, self._number = FIRST_CLIENT + secrets.randbelow(FIRST_CLIENT), 0
-        keys = Keys.of_guest(control.key, control.head) if control.head else None
-        self._link = open_link(control.endpoint, rank=self._client, keys=keys)
+    def __init__(self, wall: control_file.Control | PageClient, *, patience_s: float = ANSWER_S) -> None:
+        """`wall`: how to reach it, or a connection to its page, which is closed with this."""
+        self._way = _ByControl(wall) if isinstance(wall, control_file.Control) else _ByPage(wall)
+        self._patience_s = patience_s
 
     def __enter__(self) -> Client:
         return self
@@ -56,7 +61,7 @@ class Client:
 
     def close(self) -> None:
         """Close the connection. What was set stays."""
-        self._link.close()
+        self._way.close()
 
     def parameters(self, *patterns: str) -> dict[str, ParameterState]:
         """Parameters by name: those named like a pattern with * and ?; without one, all but those of objects.
@@ -83,12 +88,43 @@ class Client:
         """
         return self.request(undo=steps).edit
 
+    def orbit(self, x: float, y: float = 0.0, *, view: int | str = 0) -> None:
+        """Turn a view's camera about what it looks at, as a drag does: wall heights, x to the right, y down.
+
+        One height is half a turn. `view`: its name, or its number from 0; a view that follows another steers that.
+        """
+        self._steer({"kind": "orbit", "x": x, "y": y, "view": view})
+
+    def pan(self, x: float, y: float = 0.0, *, view: int | str = 0) -> None:
+        """Shift the scene in a view as a drag does, wall heights."""
+        self._steer({"kind": "pan", "x": x, "y": y, "view": view})
+
+    def zoom(self, factor: float, *, view: int | str = 0) -> None:
+        """Let things grow by a factor in a view, 1/64 to 64."""
+        self._steer({"kind": "zoom", "x": factor, "view": view})
+
+    def reset(self, *, view: int | str = 0) -> None:
+        """Take a view's camera back to its path, or to where it is configured."""
+        self._steer({"kind": "reset", "view": view})
+
+    def pause(self, paused: bool = True) -> None:
+        """Stop the scene's time and camera paths; `paused` False: let them go on."""
+        self._steer({"kind": "pause", "paused": paused})
+
+    def seek(self, seconds: float) -> None:
+        """Add seconds to the scene's time and to that of camera paths, back at most to 0; an hour at once."""
+        self._steer({"kind": "seek", "x": seconds})
+
+    def _steer(self, command: dict[str, object]) -> None:
+        self.request(commands=[command])
+
     def load(self, configuration: str | Path, *, patience_s: float = LOAD_S) -> int:
         """Let the wall adopt another configuration while it goes on: another model, other objects, views, calibration.
 
         configuration : file, or its text, whose relative paths then start where those of the run's own file do
         patience_s : seconds to wait until every rank has loaded it
 
+        Over an address only where the run's `output.browser.load` allows it; the wall's machines read what it names.
         Processes, displays and their pixels stay those of the run. Raises EditError where it is refused, with all
         that is wrong in the file; then nothing has changed. Returns the number of the newest edit.
         """
@@ -103,34 +139,59 @@ class Client:
 
     def request(
         self, *, assignments: Sequence[Any] = (), listed: Sequence[str] = (), undo: int = 0, configuration: str = "",
-        path: str = "", patience_s: float | None = None,
+        path: str = "", commands: Sequence[Any] = (), patience_s: float | None = None,
     ) -> EditAnswer:  # fmt: skip
         """Ask the wall for something, as EditRequest has it; `patience_s`: None: the client's."""
         if max(len(assignments), len(listed)) > MAX_COMMANDS:
             raise EditError(f"{max(len(assignments), len(listed))} parameters at once; at most {MAX_COMMANDS}")
-        self._number += 1
-        try:
-            request = serialise(
-                EditRequest(
-                    client=self._client, number=self._number, key=self._control.key, assignments=list(assignments),
-                    listed=list(listed), undo=undo, configuration=configuration, path=path,
-                )
-            )  # fmt: skip
-        except LocalProtocolError as error:
-            raise EditError(f"the request is too long: {error}") from error
-        return self._answer(EditAnswer, request, self._patience_s if patience_s is None else patience_s)
+        request = EditRequest(
+            client=0, number=0, key="", assignments=list(assignments), listed=list(listed), undo=undo,
+            configuration=configuration, path=path, commands=list(commands),
+        )  # fmt: skip
+        answer = self._way.edit(request, self._patience_s if patience_s is None else patience_s)
+        if answer.refused:
+            raise EditError(answer.refused)
+        return answer
 
     def join(self, host: str, *, configuration: int, public: str) -> JoinAnswer:
         """Ask for a place as a rank, or for what that takes, as JoinRequest has it."""
+        assert isinstance(self._way, _ByControl)
+        answer = self._way.join(
+            JoinRequest(client=0, number=0, key="", host=host, configuration=configuration, public=public),
+            self._patience_s,
+        )
+        if answer.refused:
+            raise EditError(answer.refused)
+        return answer
+
+
+class _ByControl:
+    """A link to the manager, for who can read its control file."""
+
+    def __init__(self, control: control_file.Control) -> None:
+        self._control = control
+        self._client, self._number = FIRST_CLIENT + secrets.randbelow(FIRST_CLIENT), 0
+        keys = Keys.of_guest(control.key, control.head) if control.head else None
+        self._link = open_link(control.endpoint, rank=self._client, keys=keys)
+
+    def close(self) -> None:
+        self._link.close()
+
+    def edit(self, request: EditRequest, patience_s: float) -> EditAnswer:
         self._number += 1
-        request = JoinRequest(
-            client=self._client, number=self._number, key=self._control.key, host=host, configuration=configuration,
-            public=public,
-        )  # fmt: skip
-        return self._answer(JoinAnswer, serialise(request), self._patience_s)
+        mine = replace(request, client=self._client, number=self._number, key=self._control.key)
+        try:
+            return self._answer(EditAnswer, serialise(mine), patience_s)
+        except LocalProtocolError as error:
+            raise EditError(f"the request is too long: {error}") from error
+
+    def join(self, request: JoinRequest, patience_s: float) -> JoinAnswer:
+        self._number += 1
+        mine = replace(request, client=self._client, number=self._number, key=self._control.key)
+        return self._answer(JoinAnswer, serialise(mine), patience_s)
 
     def _answer(self, kind: type[A], request: bytes, patience_s: float) -> A:
-        """The wall's answer of that kind. Raises EditError where it refuses, RunError where none comes."""
+        """The wall's answer of that kind. Raises RunError where none comes."""
         limit, again = time.monotonic() + patience_s, -math.inf
         while (now := time.monotonic()) < limit:
             if now >= again:
@@ -140,8 +201,6 @@ class Client:
             for data in self._link.receive():
                 answer = _parsed(data)
                 if isinstance(answer, kind) and (answer.client, answer.number) == (self._client, self._number):
-                    if answer.refused:
-                        raise EditError(answer.refused)
                     return answer
         control = self._control
         raise RunError(
@@ -150,9 +209,33 @@ class Client:
         )
 
 
-def connect(folder: str | Path = "OUT", *, patience_s: float = ANSWER_S) -> Client:
-    """A client of the wall that writes its results to `folder`. Raises RunError where none does."""
-    return Client(control_file.read(Path(folder)), patience_s=patience_s)
+class _ByPage:
+    """The WebSocket of the wall's page, for who knows its address."""
+
+    def __init__(self, page: PageClient) -> None:
+        self._page = page
+
+    def close(self) -> None:
+        self._page.close()
+
+    def edit(self, request: EditRequest, patience_s: float) -> EditAnswer:
+        said = self._page.ask(message_of(request), patience_s=patience_s)
+        return EditAnswer(
+            client=0, number=0, refused=said.get("refused", ""), edit=said.get("edit", 0),
+            parameters=said.get("parameters", []), left_out=said.get("left_out", 0),
+        )  # fmt: skip
+
+
+def connect(wall: str | Path = "OUT", *, patience_s: float = ANSWER_S) -> Client:
+    """A client of the wall that writes its results to a folder, or whose page is at an address with its token.
+
+    Raises RunError where there is none, or where an address lets nobody in.
+    """
+    if isinstance(wall, Path) or not wall.startswith(("http://", "https://")):
+        return Client(control_file.read(Path(wall)), patience_s=patience_s)
+    from wall.display.page_client import PageClient  # and aiohttp, 0.2 s, for addresses alone
+
+    return Client(PageClient(wall, patience_s=patience_s), patience_s=patience_s)
 
 
 def _parsed(data: bytes) -> Any:

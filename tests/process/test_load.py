@@ -37,7 +37,8 @@ def begun(tmp_path: Path) -> Iterator[list[subprocess.Popen[str]]]:
 def of_two_panels(folder: Path, **changes: object) -> Path:
     """A wall with a page."""
     config = write_config(folder, columns=2, **changes)
-    config.write_text(config.read_text().replace("sinks: [png]", SINKS))
+    text = config.read_text().replace("sinks: [png]", SINKS)
+    config.write_text(text + "output: {browser: {load: true}}\n")
     return config
 
 
@@ -117,20 +118,24 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
         refused = wall("load", broken, "--out", tmp_path / "OUT")
         assert refused.returncode == 2, refused.stdout
         assert says in " ".join(refused.stderr.split())
-    with connect(tmp_path / "OUT") as run:
-        with pytest.raises(ConfigError, match=r"nosuch.yaml: no such file"):
-            run.load(tmp_path / "nosuch.yaml")
-        with pytest.raises(EditError, match="version: is missing"):
-            run.load("scene: {source: courtyard}\n")
+    for way in (tmp_path / "OUT", address):
+        with connect(way) as run:
+            with pytest.raises(ConfigError, match=r"nosuch.yaml: no such file"):
+                run.load(tmp_path / "nosuch.yaml")
+            with pytest.raises(EditError, match="version: is missing"):
+                run.load("scene: {source: courtyard}\n")
     until_alike(address, wanted)
 
-    config.write_text(config.read_text() + "# saved again\n")
+    with connect(address) as run:
+        run.load(config)
     until_alike(address, of_panels(first))
+    config.write_text(second.read_text())
+    until_alike(address, wanted)
     process.terminate()
     said, _ = process.communicate(timeout=20)
     assert process.returncode == 0
     assert f"note: {config}: adopted" in "".join(said.split("\n")).replace("  ", " ")
-    assert summary(tmp_path / "OUT")["configurations"] == 3
+    assert summary(tmp_path / "OUT")["configurations"] == 4
     assert summary(tmp_path / "OUT")["restarts"].keys() == {"1", "2", "3"}
     assert summary(tmp_path / "OUT")["dropped"].get("bad_packet", 0) == 0
 

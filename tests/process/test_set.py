@@ -87,18 +87,23 @@ def test_python_reads_parameters_sets_them_and_takes_them_back(
     out, address = running
     end_the_run(out)
     first = until(address, shown(address), changes=False)
-    with connect(out) as run:
-        before = run.parameters("lights.2.*", "exposure")
-        assert before.keys() == LIGHT | {"exposure"}
-        assert run.set({"lights.2.irradiance": (0, 0, 9), "exposure": 1}) == 1
-        blue = until(address, first)
-        assert (blue - first)[..., 2].mean() > 5
-        assert run.parameters("lights.2.irradiance")["lights.2.irradiance"].value == (0.0, 0.0, 9.0)
-        with pytest.raises(EditError, match="irradiance = -1: want three numbers"):
-            run.set({"exposure": 0, "lights.2.irradiance": -1})
-        assert run.undo() == 2
-        assert run.parameters("lights.2.*", "exposure") == before
-    assert np.abs(until(address, blue) - first).max() <= 1
+    for edit, way in ((1, out), (3, address)):
+        with connect(way) as run:
+            before = run.parameters("lights.2.*", "exposure")
+            assert before.keys() == LIGHT | {"exposure"}
+            assert run.set({"lights.2.irradiance": (0, 0, 9), "exposure": 1}) == edit
+            blue = until(address, first)
+            assert (blue - first)[..., 2].mean() > 5
+            assert run.parameters("lights.2.irradiance")["lights.2.irradiance"].value == (0.0, 0.0, 9.0)
+            with pytest.raises(EditError, match="irradiance = -1: want three numbers"):
+                run.set({"exposure": 0, "lights.2.irradiance": -1})
+            assert run.undo() == edit + 1
+            assert run.parameters("lights.2.*", "exposure") == before
+            assert np.abs(until(address, blue) - first).max() <= 1
+            run.orbit(0.5)
+            turned = until(address, first)
+            run.reset()
+            assert np.abs(until(address, turned) - first).max() <= 1
 
     monkeypatch.chdir(out.parent)  # where the example's notebook looks for OUT
     names: dict[str, object] = {}

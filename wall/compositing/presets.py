@@ -16,9 +16,11 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
     hosts: dict[int, int] = {}  # by panel: the viewport whose ranks render its insets too
     for viewport in shows:
         hosts.setdefault(viewport.on_panel, viewport.index)
-    nodes = [
-        node for viewport in shows for node in panel_nodes(viewport, preset.ranks_per_panel, hosts[viewport.on_panel])
-    ]
+    nodes = list[Node]()
+    for viewport in shows:
+        host = viewport.config.host if preset.renderers == "panel" else None
+        on = None if host is None else f"host {host}"
+        nodes += panel_nodes(viewport, preset.ranks_per_panel, hosts[viewport.on_panel], on)
     if set(preset.sinks) != {"window"}:
         nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{viewport.index}" for viewport in shows)))
     for kind in dict.fromkeys(preset.sinks):
@@ -34,22 +36,23 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
     return NodeGraph(compositors=preset.compositors, sync=preset.sync, nodes=tuple(nodes))
 
 
-def _sort_first(panel: Panel, ranks: int, host: int) -> list[Node]:
-    """`host`: the viewport of the same panel whose ranks render it."""
+def _sort_first(panel: Panel, ranks: int, host: int, on: str | None) -> list[Node]:
+    """`host`: the viewport of the same panel whose ranks render it; `on`: where they run, None: anywhere."""
     k = panel.index
-    own = {"ranks": ranks} if host == k else {"ranks_of": f"s{host}"}
+    own = {"ranks": ranks, "on": on} if host == k else {"ranks_of": f"s{host}"}
     return [
         SamplesNode(op="samples", id=f"s{k}", panel=panel.id, **own),
         ReconstructNode(op="reconstruct", id=f"p{k}", input=f"s{k}"),
     ]
 
 
-def _sort_last(panel: Panel, ranks: int, host: int) -> list[Node]:
+def _sort_last(panel: Panel, ranks: int, host: int, on: str | None) -> list[Node]:
     """Each rank a part of the objects, the sky behind all of them."""
     k, nodes = panel.index, list[Node]()
     for r in range(ranks):
-        part, shared = (r / ranks, (r + 1) / ranks), None if host == k else f"s{host}-{r}"
-        nodes.append(SamplesNode(op="samples", id=f"s{k}-{r}", panel=panel.id, range=part, ranks_of=shared))
+        part = r / ranks, (r + 1) / ranks
+        own = {"on": on} if host == k else {"ranks_of": f"s{host}-{r}"}
+        nodes.append(SamplesNode(op="samples", id=f"s{k}-{r}", panel=panel.id, range=part, **own))
         nodes.append(
             ReconstructNode(op="reconstruct", id=f"f{k}-{r}", input=f"s{k}-{r}", background="transparent", on="panel")
         )

@@ -139,6 +139,9 @@ class PresetGraph(Model):
         "each render a part of the objects, the nearest wins",
     )
     ranks_per_panel: Ranks = Field(default=1, description="renderers that share one panel")
+    renderers: Literal["anywhere", "panel"] = Field(
+        default="anywhere", description="panel: those of a panel run on its `host`, where it names one"
+    )
     compositors: Ranks = Field(default=1, description="processes that fold samples into images, the head among them")
     sync: Sync = Field(default="none")
     balance: bool = Field(

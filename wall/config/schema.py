@@ -146,6 +146,10 @@ class BrowserConfig(Model):
     samples: Flag = Field(
         default=False, description="samples travel to the head even on one machine, so that pages can ask for them"
     )
+    load: Flag = Field(
+        default=False,
+        description="who may steer by the page's address may also load other configurations, which can name any file",
+    )
 
     @property
     def tokens(self) -> bool:

@@ -179,6 +179,24 @@ class Steered(Sink, Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What came of a command that brought an `id`."""
+
+    refused: str = ""  # why nothing was changed; "" where all was
+    edit: int = 0  # number of the newest edit
+    parameters: Sequence[Mapping[str, Any]] = ()  # that were asked for
+    left_out: int = 0  # of them, for which there is no room
+
+
+@runtime_checkable
+class Answers(Steered, Protocol):
+    """A sink whose viewers wait for answers: some of its commands have an `id`."""
+
+    def answer(self, number: int, answer: Answer) -> None:
+        """Tell who asked what came of the command with this id. Any thread may call."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ZoomedPlace:
     """Where a node shows a part of a very large image, virtual screen pixels."""
 

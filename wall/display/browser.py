@@ -20,14 +20,15 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError
-from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
+from wall.display.base import Answer, Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.gate import Pace
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
 from wall.display.parts import Held, Part, part_of
 from wall.display.png import png_bytes
+from wall.display.requests import Requests
 from wall.display.sample_store import SampleStore
 from wall.display.server import LEAVE_S, NOBODY, THIS_MACHINE, Server
-from wall.display.steering import MAX_MESSAGE_BYTES, parse_message
+from wall.display.steering import MAX_LOAD_BYTES, MAX_MESSAGE_BYTES, MAX_REQUEST_BYTES, parse_message
 from wall.display.stream import (
     WATCHING,
     handles_message,
@@ -44,6 +45,7 @@ STATUS_PERIOD_S = 0.25  # as often as numbers can be read
 MAX_VIEWERS = 8
 KEPT_FOR_STEERING = 2  # of them, where others only watch
 MAX_COMMANDS = 256  # 4 s of one viewer's dragging
+MAX_REQUESTS = 16  # of one viewer that wait for an answer, or to be sent it; no more is read from it meanwhile
 HEARTBEAT_S = 5.0  # a viewer whose machine vanished is forgotten after about this time
 
 PAGE = Path(__file__).resolve().parent / "page"
@@ -66,6 +68,8 @@ class _Viewer:
     status_due: float = 0.0
     overlay: str = ""  # one of OVERLAYS
     samples: bool = False  # it makes images itself, of what samples there are
+    shows: bool = True  # it wants images, or samples, and status
+    requests: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(MAX_REQUESTS))
     statistics_images: tuple[StatisticsImage, ...] = ()  # as last sent
     parameters: tuple[ParameterState, ...] = ()  # as last sent
     handles: Handles | None = None  # as last sent
@@ -75,7 +79,8 @@ class Browser:
     """Serves the page from construction to `close`.
 
     `commands` gives what the viewers asked for since the last call, checked by steering.parse_message, and
-    `statistics` when the first of them puts an overlay on and the last one takes it off.
+    `statistics` when the first of them puts an overlay on and the last one takes it off. What has an `id` among them
+    is to be answered by `answer`.
     """
 
     def __init__(
@@ -91,8 +96,11 @@ class Browser:
         watch_token: str = "",
         tls: tuple[Path, Path] | None = None,
         embed: bool = False,
+        load: bool = False,
     ) -> None:
-        """`views`: their names; `why_images`: see layout_message; port 0 takes any free one; `embed`: of BrowserConfig.
+        """`views`: their names; `why_images`: see layout_message; port 0 takes any free one.
+
+        `embed`, `load`: of BrowserConfig.
 
         `tokens`: the page is for those alone who know its address; `watch_token`: see Gate; `tls`: files of a
         certificate and its key. Raises RunError naming what cannot be had.
@@ -102,6 +110,8 @@ class Browser:
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
+        self._requests, self._most_bytes = Requests[_Viewer](loads=load), MAX_LOAD_BYTES if load else MAX_REQUEST_BYTES
+        self._answering: set[asyncio.Task[None]] = set()
         self._stores: dict[int, SampleStore] = {}  # of panels whose samples come
         self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, bytes]]] = {}  # by Part.key; the encoder's own
         self._statistics_wanted = False  # as last told by `commands`
@@ -161,6 +171,10 @@ class Browser:
             taken.append({"kind": "statistics", "value": "on" if watching else ""})
         return taken
 
+    def answer(self, number: int, answer: Answer) -> None:
+        """Tell who asked what came of the command with this id."""
+        self._server.call(lambda: self._answer(number, answer))
+
     @property
     def wants_samples(self) -> bool:
         """Whether a viewer makes the images itself."""
@@ -205,11 +219,12 @@ class Browser:
         return web.Response(body=body, content_type="image/png")
 
     async def _stream(self, request: web.Request) -> web.WebSocketResponse:
-        connection = web.WebSocketResponse(
-            timeout=LEAVE_S, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES
-        )
-        await connection.prepare(request)
         steers = self._gate.steers(request)
+        connection = web.WebSocketResponse(
+            timeout=LEAVE_S, heartbeat=HEARTBEAT_S, compress=False,
+            max_msg_size=self._most_bytes if steers else MAX_MESSAGE_BYTES,
+        )  # fmt: skip
+        await connection.prepare(request)
         if len(self._viewers) >= self._max_viewers - (0 if steers else KEPT_FOR_STEERING):
             self._counters["browser_viewer_refused"] += 1
             await connection.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too many viewers")
@@ -219,29 +234,32 @@ class Browser:
         feeder = asyncio.create_task(self._feed(viewer))
         try:
             async for message in connection:
-                if not pace.allows(self._loop.time()):
+                text = message.data if message.type is WSMsgType.TEXT else ""
+                if not pace.allows(self._loop.time(), 1 + len(text) // MAX_MESSAGE_BYTES):
                     self._counters["browser_too_fast"] += 1
                     await connection.close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages a second")
                     break
-                self._take(viewer, message.data if message.type is WSMsgType.TEXT else "")
+                await self._take(viewer, text)
         finally:
             self._viewers.discard(viewer)
             feeder.cancel()
             await asyncio.gather(feeder, return_exceptions=True)
         return connection
 
-    def _take(self, viewer: _Viewer, text: str) -> None:
+    async def _take(self, viewer: _Viewer, text: str) -> None:
         try:
             message = parse_message(text)
         except RemoteProtocolError:
             self._counters["browser_bad_message"] += 1
             return
-        if message["kind"] == "shown":
+        if "id" in message:
+            await self._ask(viewer, message, len(text))
+        elif message["kind"] == "shown":
             self._drawn(viewer, message["number"])
         elif message["kind"] == "overlay":
             viewer.overlay, viewer.statistics_images = message["value"], ()
         elif message["kind"] == "display":
-            viewer.samples = message["value"] == "samples"
+            viewer.samples, viewer.shows = message["value"] == "samples", message["value"] != "nothing"
             viewer.held.clear()  # a page that asks begins anew
         elif not viewer.steers:
             self._counters["browser_watcher_refused"] += 1
@@ -249,6 +267,32 @@ class Browser:
             self._counters["browser_command_overflow"] += 1
         else:
             self._commands.append(message)
+
+    async def _ask(self, viewer: _Viewer, message: dict[str, Any], size: int) -> None:
+        """Hand a request on, or refuse it here, once there is room for one more answer."""
+        await viewer.requests.acquire()
+        number, own = self._requests.take(viewer, message)
+        refused = self._requests.why_not(message, size, steers=viewer.steers)
+        if refused:
+            self._counters["browser_watcher_refused" if not viewer.steers else "browser_request_refused"] += 1
+        elif len(self._commands) >= MAX_COMMANDS:
+            self._counters["browser_command_overflow"] += 1
+            refused = "too many commands at once"
+        else:
+            self._commands.append(own)
+            return
+        self._answer(number, Answer(refused=refused))
+
+    def _answer(self, number: int, answer: Answer) -> None:
+        if (said := self._requests.answered(number, answer)) is not None:
+            sending = self._loop.create_task(self._send_answer(*said))
+            self._answering.add(sending)  # or nobody would hold it
+            sending.add_done_callback(self._answering.discard)
+
+    async def _send_answer(self, viewer: _Viewer, text: str) -> None:
+        with contextlib.suppress(ConnectionError):  # the viewer left
+            await viewer.socket.send_str(text)
+        viewer.requests.release()
 
     def _drawn(self, viewer: _Viewer, number: int) -> None:
         if number not in viewer.in_flight:
@@ -267,7 +311,7 @@ class Browser:
                     await viewer.socket.send_str(viewer.layout)
                     if not viewer.steers:
                         await viewer.socket.send_str(WATCHING)
-                if self._newest is not None:
+                if self._newest is not None and viewer.shows:
                     await self._send(viewer, *self._newest)
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(viewer.wake.wait(), STATUS_PERIOD_S)

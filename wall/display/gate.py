@@ -30,7 +30,10 @@ FIRST_REQUEST_S = 5.0  # for a connection to ask for something that it may have
 MAX_SILENT = 64  # connections that have not done so yet; the oldest beyond are closed
 SWEEP_S = 0.25
 MOST_TOKEN_BYTES = 1024  # of a file
-RATE, BURST = 500.0, 1000.0  # messages a second of one viewer, and at once: a page sends about 100
+RATE, BURST = (
+    500.0,
+    1000.0,
+)  # messages a second of one viewer, and at once: a page sends about 100; long ones are several
 
 
 class Gate:
@@ -114,9 +117,9 @@ class Pace:
     def __init__(self, now: float) -> None:
         self._left, self._at = BURST, now
 
-    def allows(self, now: float) -> bool:
-        """Whether one more is within RATE and BURST."""
-        self._left = min(BURST, self._left + (now - self._at) * RATE) - 1
+    def allows(self, now: float, count: int = 1) -> bool:
+        """Whether so many more are within RATE and BURST."""
+        self._left = min(BURST, self._left + (now - self._at) * RATE) - count
         self._at = now
         return self._left >= 0
 

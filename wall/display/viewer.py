@@ -11,11 +11,11 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import urlsplit
 
 import aiohttp
 
 from wall.core.errors import RunError
+from wall.display.page_client import stream_of
 from wall.display.stream import SAMPLES_COUNTS, SAMPLES_HEADER
 
 SETTLE_S = 2.0  # before anything is counted: the first images are of every pixel
@@ -60,17 +60,11 @@ def watch(address: str, *, display: str, seconds: float, drawing_s: float = 0.0)
         raise RunError(f"{address}: no page of a wall answers: {error!r}") from error
 
 
-def _stream_of(address: str) -> str:
-    """Where the page at an address gets its images from, with the token that the address may have."""
-    parts = urlsplit(address)
-    return parts._replace(path=parts.path.rstrip("/") + "/stream").geturl()
-
-
 async def _watch(address: str, display: str, seconds: float, drawing_s: float) -> Received:
     got, left, number = Received(seconds=seconds), 0, 0
     async with (
         aiohttp.ClientSession() as session,
-        session.ws_connect(_stream_of(address), max_msg_size=0) as connection,
+        session.ws_connect(stream_of(address), max_msg_size=0) as connection,
     ):
         await connection.send_json({"kind": "display", "value": display})
         began = time.monotonic() + SETTLE_S
@@ -108,7 +102,7 @@ async def _visit(address: str, commands: Sequence[Mapping[str, object]], display
     number = left = images = 0
     async with (
         aiohttp.ClientSession() as session,
-        session.ws_connect(_stream_of(address), max_msg_size=0) as connection,
+        session.ws_connect(stream_of(address), max_msg_size=0) as connection,
     ):
         await connection.send_json({"kind": "display", "value": display})
         began, sent = time.monotonic(), 0
@@ -154,7 +148,7 @@ class StatusViewer:
     async def _watch(self) -> None:
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(_stream_of(self._address), max_msg_size=0) as connection,
+            session.ws_connect(stream_of(self._address), max_msg_size=0) as connection,
         ):
             async for message in connection:  # no image is answered, so that hardly any comes
                 if message.type is aiohttp.WSMsgType.TEXT and (said := json.loads(message.data))["kind"] == "status":

@@ -12,10 +12,12 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from wall.display.base import PanelImage, Status, WallImage
+from wall.display.base import PanelImage, Status, WallImage, ZoomedPlace
 from wall.display.window_host import WindowHost
+from wall.display.window_layout import Place
 from wall.display.x_server import display_of
-from wall.geometry.panels import Panel
+from wall.geometry.panels import NO_VIEW, Panel, Wall
+from wall.geometry.rects import panel_rect
 
 ALL_CLOSED = "every window is closed"
 
@@ -63,6 +65,18 @@ class WindowSink:
         for host in self.hosts:
             host.put([image for image in images if image.id in host.areas])
 
+    def lay_out(
+        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace]
+    ) -> None:
+        """Know where which views are from now on: that beneath the pointer is steered."""
+        places: dict[str, list[Place]] = {panel.id: [] for panel in wall.panels}
+        for viewport in wall.viewports:
+            panel = wall.panels[viewport.on_panel]
+            if viewport.view != NO_VIEW:
+                places[panel.id].append(_place(viewport, panel))
+        for host in self.hosts:
+            host.lay_out(places, len(views))
+
     def settled(self, timeout_s: float) -> bool:
         """Wait until every image that was put is displayed or superseded, or its window is closed."""
         limit = time.monotonic() + timeout_s
@@ -97,3 +111,15 @@ class WindowSink:
             host.end()
         for host in self.hosts:
             host.join()
+
+
+def _place(viewport: Panel, panel: Panel) -> Place:
+    """Where a panel shows a viewport of it."""
+    own, rect = panel_rect(panel), panel_rect(viewport)
+    return Place(
+        view=viewport.view,
+        left=(rect.x - own.x) / own.width,
+        top=(rect.y - own.y) / own.height,
+        right=(rect.right - own.x) / own.width,
+        bottom=(rect.bottom - own.y) / own.height,
+    )

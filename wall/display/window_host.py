@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import reduce
 from pathlib import Path
@@ -28,7 +28,7 @@ from wall.core.data import Rect
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelImage
 from wall.display.tiles import changed_since, tile_rects
-from wall.display.window_layout import WindowRequest, request_of
+from wall.display.window_layout import Place, WindowRequest, request_of
 from wall.geometry.panels import Panel
 
 SWAP_CHAIN_LENGTH = 3  # buffers of a window: one that is uploaded, the next one, one to write the newest into
@@ -117,6 +117,23 @@ class WindowHost:
                 self._put[k] += 1
         if news:
             os.eventfd_write(self._wake, 1)
+
+    def lay_out(self, places: Mapping[str, Sequence[Place]], count: int) -> None:
+        """Tell the process where panels show which views, of `count`; `places`: by panel, in fractions of its image."""
+        found: list[list[dict[str, Any]]] = [[] for _ in self._requests]
+        for name, (window, rect) in self.areas.items():
+            width, height = self._requests[window].pixels
+            for place in places.get(name, ()):
+                found[window].append(
+                    {
+                        "view": place.view,
+                        "left": (rect.x + place.left * rect.width) / width,
+                        "top": (rect.y + place.top * rect.height) / height,
+                        "right": (rect.x + place.right * rect.width) / width,
+                        "bottom": (rect.y + place.bottom * rect.height) / height,
+                    }
+                )
+        self._send(["views", found, count])
 
     def settled(self, timeout_s: float) -> bool:
         """Wait until every image that was put is displayed or superseded, or its window is closed."""

@@ -53,6 +53,17 @@ class WindowRequest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a window shows a view, fractions of its image's width and height from the top left."""
+
+    view: int
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WindowPosition:
     """Rectangle, monitor and rotation of a window, and how often its image changes."""
 

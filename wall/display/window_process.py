@@ -2,7 +2,8 @@
 
 window_host.py starts it as `python -m wall.display.window_process PARENT SOCKET MEMORY`, with DISPLAY set. It ends when
 the socket closes, and dies with its parent. Messages over the socket are JSON, one a packet. The first names the
-panels, and is answered by ["ready", notes] or ["failed", why]. Then the run sends images, [window, buffer, width,
+panels, and is answered by ["ready", notes] or ["failed", why]. Then the run sends where views are, ["views", places of
+each window, how many views there are], at first and when that changes, and images, [window, buffer, width,
 height, number, rectangles]: those that differ from the image before, as [x, y, width, height], with their pixels one
 behind the other in a buffer of the shared memory. The process sends ["free", window, buffer], ["shown", window, number,
 how many images before it were never seen], ["command", command], ["escape", window], ["closed", window], ["lost",
@@ -32,8 +33,8 @@ import glfw
 import moderngl
 
 from wall.core.errors import RunError, WallError
-from wall.display.window_input import InputHandler
-from wall.display.window_layout import TURNS, Box, Monitor, WindowPosition, WindowRequest, lay_out
+from wall.display.window_input import InputHandler, Views
+from wall.display.window_layout import TURNS, Box, Monitor, Place, WindowPosition, WindowRequest, lay_out
 
 START_WAIT_S = 15.0  # for all windows to be there; llvmpipe compiles its shaders in a tenth of a second
 OPEN_WAIT_S = 1.5  # for an X server to take a client
@@ -182,6 +183,7 @@ class WindowProcess:
         self._ended = False
         self.windows: dict[int, Window] = {}
         self._inputs: dict[int, InputHandler] = {}
+        self._views = Views()
 
     def run(self) -> None:
         """Open the windows and serve them until the last is closed or the parent is gone."""
@@ -227,8 +229,9 @@ class WindowProcess:
                 raise RunError(f"panel {panel.id}: no window on display {display} ({_text(error)})") from error
             self.windows[index] = window
             self._inputs[index] = InputHandler(
-                window.handle, position.rotation, task["height"] * position.box.height / panel.pixels[1]
-            )
+                window.handle, position.rotation, task["height"] * position.box.height / panel.pixels[1],
+                window=index, size=(position.box.width, position.box.height), views=self._views,
+            )  # fmt: skip
         for index, window in self.windows.items():
             if not window.ready.wait(START_WAIT_S) or window.failed:
                 why = window.failed or f"it did not show anything for {START_WAIT_S:.0f} s"
@@ -239,7 +242,9 @@ class WindowProcess:
         with contextlib.suppress(OSError):
             while message := self._pipe.recv(MAX_PACKET):
                 index, *offered = json.loads(message)
-                if (window := self.windows.get(index)) is not None:
+                if index == "views":
+                    self._views.lay_out([[Place(**place) for place in own] for own in offered[0]], offered[1])
+                elif (window := self.windows.get(index)) is not None:
                     window.offer(Offered(*offered))
         self._ended = True  # the parent is gone
         glfw.post_empty_event()

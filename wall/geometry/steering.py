@@ -49,9 +49,10 @@ class Command:
     """One steering command of a viewer.
 
     orbit, pan: x and y are drags in fractions of the wall's height, x to the right, y down. zoom: x is the
-    factor by which things grow. pause: stops or resumes. sampler: `value` is one of METHODS. reset: back to
-    the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
-    compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
+    factor by which things grow. pause: stops or resumes; with `value` "on" or "off" it is one of both. sampler: `value`
+    is one of METHODS. reset: back to the path. compare: `value` gets half of the rays, the adaptive sampler the other,
+    "" ends that. statistics: "on" has compositors look at their samples, "" ends that. set: the parameter `value` is to
+    be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
     from its top left, is to be in focus. seek: x seconds are added to the scene's time and to that of camera paths.
     select: pages are to show the parameters of the object at (x, y). undo: the newest edit is taken back.
@@ -80,6 +81,8 @@ def parse(message: object) -> Command:
     wanted, view = NUMBERS.get(kind, ("value",) if kind in VALUES else ()), message.get("view", 0)
     if type(view) is not int or not 0 <= view < MOST_VIEWS:
         raise RemoteProtocolError(f"command {kind}: view = {_short(view)}: want a number from 0 to {MOST_VIEWS - 1}")
+    if kind == "pause" and message.keys() == {"kind", "paused"}:
+        return _pause_command(message["paused"])
     if set(message) - {"kind", *(["view"] if kind in OF_ONE_VIEW else [])} != set(wanted):
         got = ", ".join(sorted(_short(key) for key in message if key != "kind")) or "nothing"
         raise RemoteProtocolError(f"command {kind} came with {got}: want {', '.join(wanted) or 'nothing'}")
@@ -100,6 +103,12 @@ def _set_command(message: Mapping[Any, Any]) -> Command:
         raise RemoteProtocolError(f"command set {_short(name)}: want a name, and numbers or null")
     values = None if numbers is None else tuple(map(float, numbers))
     return Command(kind="set", value=str(name), numbers=values)
+
+
+def _pause_command(paused: Any) -> Command:
+    if not isinstance(paused, bool):
+        raise RemoteProtocolError(f"command pause: paused = {_short(paused)}: want true or false, or nothing")
+    return Command(kind="pause", value="on" if paused else "off")
 
 
 def _number(kind: str, name: str, number: Any) -> float:

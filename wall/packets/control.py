@@ -25,7 +25,7 @@ from wall.packets.notes import LEVELS, Note
 from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 17
+MAGIC, VERSION = b"WALL", 18
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
@@ -159,7 +159,7 @@ class Selection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EditRequest:
-    """Another process wants parameters changed, all of them or none, or listed."""
+    """Another process or a viewer of a page wants parameters changed, all of them or none, or listed, or steers."""
 
     client: int  # a number of its own, above all ranks
     number: int  # of the client's requests: one that comes again is answered again, and not done again
@@ -169,6 +169,7 @@ class EditRequest:
     undo: int = 0  # edits that are to be taken back, the newest first
     configuration: str = ""  # YAML that the run is to adopt; "": none
     path: str = ""  # of its file: relative paths start at the file's folder; "": of the run's
+    commands: list[Any] = field(default_factory=list)  # as of a WindowInput, whose `view` may be a name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -111,6 +111,12 @@ class Director:
         """The view that steering of this one steers: its own, or the one that it follows."""
         return self.view if self._leader is None else self._leader.steered
 
+    @property
+    def compares(self) -> bool:
+        """Whether two samplers can be compared: other graphs have no second image, or no frames of it."""
+        graph = self._plan.layout.graph
+        return graph.plain and graph.sync == "none" and len(self._plan.views) == 1
+
     def wall_camera(self) -> Camera:
         """The camera of an eye that is not tracked."""
         if self._leader is not None:
@@ -119,7 +125,7 @@ class Director:
 
     def _apply(self, command: Command) -> None:
         if command.kind == "pause":
-            self.paused = not self.paused
+            self.paused = command.value == "on" if command.value else not self.paused
         elif command.kind == "seek":  # not before the beginning
             self._scene_time = max(0.0, self._scene_time + command.x)
             self._path_time = max(0.0, self._path_time + command.x)
@@ -133,9 +139,7 @@ class Director:
             self.sampler = command.value if command.value in samplers_of(self._plan) else self.sampler
             self.compare = ""
         elif command.kind == "compare":
-            graph = self._plan.layout.graph  # others have no second image, or no frames of it
-            one = graph.plain and graph.sync == "none" and len(self._plan.views) == 1
-            self.compare = command.value if one else ""
+            self.compare = command.value if self.compares else ""
         elif command.kind == "statistics":
             self.statistics = command.value == "on"
         else:

@@ -11,7 +11,7 @@ import hmac
 import json
 import math
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from fnmatch import fnmatchcase
 from typing import Any, TypeAlias
@@ -31,6 +31,8 @@ from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
 from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named
 
 Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
+
+Steer: TypeAlias = Callable[[Sequence[object], "Editor"], None]
 
 MOST_UNDONE = 256  # edits that can be taken back
 ONE_EDIT_S = 0.7  # edits of the same parameters that follow each other sooner are undone together
@@ -145,25 +147,32 @@ class Editor:
         range_of = named(self.parameters, FOCUS)
         self.set([(FOCUS, min(max(self.clicks.distance(events, x, y), range_of.low), range_of.high))])
 
-    def answer(self, request: EditRequest, scene_time: float, now: float = 0.0) -> EditAnswer:
-        """Do what another process asks for, once: a request that comes again gets the same answer."""
+    def answer(
+        self, request: EditRequest, scene_time: float, now: float = 0.0, steer: Steer | None = None
+    ) -> EditAnswer:
+        """Do what another process asks for, once: a request that comes again gets the same answer.
+
+        `steer`: does its commands, or raises EditError.
+        """
         known = self._answered.get(request.client)
         if known is not None and known.number == request.number:
             return known
-        answer = self._answer(request, scene_time, now)
+        answer = self._answer(request, scene_time, now, steer)
         self._answered.pop(request.client, None)
         self._answered[request.client] = answer
         if len(self._answered) > MOST_CLIENTS:
             del self._answered[next(iter(self._answered))]
         return answer
 
-    def _answer(self, request: EditRequest, scene_time: float, now: float) -> EditAnswer:
+    def _answer(self, request: EditRequest, scene_time: float, now: float, steer: Steer | None) -> EditAnswer:
         try:
             self.check_key(request)
-            if request.undo > 0 and request.assignments:
-                raise EditError("to undo and to set at once: want one of them")
+            if (request.undo > 0) + bool(request.assignments) + bool(request.commands) > 1:
+                raise EditError("to undo, to set or to steer at once: want one of them")
             if request.undo > 0:
                 self.undo(request.undo)
+            if request.commands and steer is not None:
+                steer(request.commands, self)
             self.set([_assignment(each) for each in request.assignments], now)
             refused = ""
         except EditError as error:

@@ -11,15 +11,17 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 from wall.core.data import Event
 from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import OF_ONE_VIEW, Command, parse
-from wall.packets.control import EditRequest, Heartbeat, Hello, Prepared, Selection, Statistics, Stop, WindowInput
+from wall.packets.control import EditRequest, Heartbeat, Hello, Prepared, Statistics, Stop, WindowInput
 from wall.packets.joining import JoinRequest, Leave
 from wall.packets.notes import REFUSED, Note, note_of
 from wall.roles.balance import Balancer
+from wall.roles.commands import Commands
 from wall.roles.director import Director
 from wall.roles.edges import summed_number
 from wall.roles.editing import Editor
@@ -86,8 +88,7 @@ class Manager:
         self.register, self.joining = Register(layout.size, now), Joining(fixed)
         self.editor, self._edited = Editor(plan, key=key), False  # whether an event is to tell of it
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
-        self._commands: list[Command] = []  # not applied yet
-        self.taken, self._selection = EditsTaken(), Selection()  # the second: what pages show
+        self.taken, self._commands = EditsTaken(), Commands()
         self._update_due, self._repeat_due = now, now
         self._input_due = now  # when what comes in is told of at once again
         self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
@@ -125,10 +126,10 @@ class Manager:
         self.counters = self.dropped() - self.editor.counters
         self.heartbeats = {rank: beat for rank, beat in self.heartbeats.items() if beat.configuration == plan.number}
         self.configurations += 1
-        self._selection, self._complete_since, self._released = Selection(), None, (-1, -1)
+        self._commands, self._complete_since, self._released = Commands(), None, (-1, -1)
         self._take(replace(plan, since=self._since), now)
         self.editor.adopt(self.plan)
-        self._commands, self._edited, self._repeat_due = [], True, now
+        self._edited, self._repeat_due = True, now
         yield from self._reloading.answer(self.editor.count)
 
     @property
@@ -167,10 +168,10 @@ class Manager:
                 self.register.hear(message.rank, now)
                 yield Send(HEAD, message)
             elif isinstance(message, WindowInput):
-                before = self._selection
+                before = self._commands.selection
                 self._take_input(message, now)
-                if self._selection != before:
-                    yield Send(HEAD, self._selection)
+                if self._commands.selection != before:
+                    yield Send(HEAD, self._commands.selection)
             elif isinstance(message, Note):
                 self.register.news.append(message)
             elif isinstance(message, Statistics):
@@ -192,8 +193,12 @@ class Manager:
             elif isinstance(message, Leave):
                 self.register.leave(message.rank, now)
             elif isinstance(message, EditRequest):
-                yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now))
+                before = self._commands.selection
+                steer = partial(self._commands.take_asked, plan=self.plan, directors=self._directors, now=now)
+                yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now, steer))
                 self._edited = True
+                if self._commands.selection != before:
+                    yield Send(HEAD, self._commands.selection)
             elif isinstance(message, Died):
                 self.register.bury(message, now)
                 if message.again:
@@ -231,17 +236,7 @@ class Manager:
         self._closed |= {message.rank} if message.closed else set()
         for command in message.commands:
             try:
-                parsed = parse(command)
-                if self.editor.apply(parsed, self.events, now):
-                    self._edited = True
-                elif parsed.kind == "select":
-                    name = self.editor.clicks.object_at(self.events, parsed.x, parsed.y)
-                    self._selection = replace(self._selection, name=name)
-                else:
-                    self._commands.append(parsed)
-                    if parsed.kind == "bookmark":
-                        kept = {*self._selection.bookmarks, int(parsed.value)}
-                        self._selection = replace(self._selection, bookmarks=sorted(kept))
+                self._edited |= self._commands.take(parse(command), self.editor, self._directors, now)
             except RemoteProtocolError:
                 self.counters["bad_command"] += 1
             except EditError as error:
@@ -296,7 +291,7 @@ class Manager:
         if wanted and self._came:  # what follows at once shares the next update
             self._input_due = now + self._tick_s
         self._edited = self._edited and not wanted
-        commands, self._commands = (self._commands, []) if wanted or not running else ([], self._commands)
+        commands = self._commands.taken() if wanted or not running else []
         editor, before = self.editor, self._shown_event.scene_event
         for director in self._directors:
             if wanted:
@@ -318,7 +313,7 @@ class Manager:
     @property
     def _came(self) -> bool:
         """Whether something came in that no event tells of."""
-        return bool(self._commands) or self._edited
+        return bool(self._commands.waiting) or self._edited
 
     @property
     def events(self) -> list[Event]:

@@ -36,7 +36,15 @@ from wall.run.journal import Journal
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, told_again, ways_of
-from wall.run.sinks import distinct, make_metrics_server, make_sinks, notes_of, save_images, window_input_of
+from wall.run.sinks import (
+    distinct,
+    make_metrics_server,
+    make_sinks,
+    notes_of,
+    page_answers,
+    save_images,
+    window_input_of,
+)
 from wall.run.succession import FileWatch, Preparer
 from wall.run.tracker_input import TrackerInput
 from wall.run.usage import cpu_seconds
@@ -174,8 +182,10 @@ class HeadProcess:
 
         closing.callback(tell)
         sources: list[Source] = [
-            window_input_of(HEAD, sinks), self._take_ends, self._deaths, self._preparer.news, trackers.receive, tell,
+            window_input_of(HEAD, sinks, key), self._take_ends, self._deaths, self._preparer.news, trackers.receive,
+            tell,
         ]  # fmt: skip
+        manager_ways.answer_page = page_answers(sinks)
         if not control.endpoint.startswith(LOOPBACK):
             sources.append(self._invitations)
         if options.watch:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
@@ -26,7 +26,7 @@ from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.roles.plan import HEAD
 from wall.run.clock import HeadClock
-from wall.transport.base import FIRST_CLIENT, GUEST, MAX_CONTROL, Hub, Link
+from wall.transport.base import FIRST_CLIENT, GUEST, MAX_CONTROL, PAGE, Hub, Link
 from wall.transport.curve import Keys, is_key
 from wall.transport.factory import connect
 
@@ -57,6 +57,7 @@ class Ports:
         self._incarnations: dict[int, int] = {}  # of ranks, as the manager says
         self._former: deque[bytes] = deque(maxlen=FORMER)  # links of processes that were ranks, and are not any more
         self._ping_due, self._keys = 0.0, keys
+        self.answer_page: Callable[[EditAnswer], None] | None = None  # at the manager: of the page's viewers
         self._backlog: deque[Message] = deque(maxlen=MAX_CONTROL)  # came before the head's time was known
 
     def synchronise(self) -> None:
@@ -91,6 +92,9 @@ class Ports:
         """Send a message to the manager, or from it to a rank that has spoken."""
         if to == MANAGER and self._manager is not None:
             self._manager.send(serialise(message))
+        elif to == PAGE:
+            if self.answer_page is not None and isinstance(message, EditAnswer):
+                self.answer_page(message)
         elif self._hub is not None and to in self._peers:
             if to < FIRST_CLIENT:
                 self._hub.send(self._peers[to], serialise(message))
@@ -235,6 +239,8 @@ class Ports:
             ours = holder == (rank if rank < FIRST_CLIENT else GUEST)
         else:
             ours = rank >= FIRST_CLIENT or known in (None, peer) or not hub.knows(known)
+        if rank >= PAGE:  # its viewers come by no link
+            ours = False
         if ours:
             peers[rank] = peer
         else:

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
 from wall.config.loading import Loaded
-from wall.display.base import LaysOut, Sink, Steered
+from wall.core.errors import EditError
+from wall.display.base import Answer, Answers, LaysOut, Sink, Steered
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
-from wall.packets.control import WindowInput
+from wall.packets.control import EditAnswer, EditRequest, WindowInput
 from wall.packets.json_body import MAX_COMMANDS
 from wall.roles.handed_samples import why_images
 from wall.roles.node_settings import zoomed_places
 from wall.roles.plan import Plan, window_panels
+from wall.run.page_requests import request_of
 
 if TYPE_CHECKING:
     from wall.display.browser import Browser
@@ -52,7 +55,7 @@ def make_sinks(
 
             page = output.browser
             access = _access(layout.loaded)
-            sink = browser = Browser(page.host, page.port, layout.wall, embed=page.embed, **access)
+            sink = browser = Browser(page.host, page.port, layout.wall, embed=page.embed, load=page.load, **access)
             lay_out(plan, [browser])
         sinks.append(sink)
     return sinks, browser
@@ -82,12 +85,16 @@ def _access(loaded: Loaded) -> dict[str, Any]:
 
 def _windows(plan: Plan, rank: int) -> WindowSink | None:
     panels = window_panels(plan.layout, (rank,))
-    return WindowSink(panels, refresh_hz=max(view.refresh_hz for view in plan.views)) if panels else None
+    if not panels:
+        return None
+    windows = WindowSink(panels, refresh_hz=max(view.refresh_hz for view in plan.views))
+    lay_out(plan, [windows])
+    return windows
 
 
 def lay_out(plan: Plan, sinks: list[Sink | None]) -> None:
     """Let sinks tell their viewers of this plan's panels and views."""
-    for sink in sinks:
+    for sink in distinct(sinks):
         if isinstance(sink, LaysOut):
             views = [view.id for view in plan.views]
             sink.lay_out(plan.layout.wall, views, why_images(plan.layout), zoomed_places(plan.layout))
@@ -117,20 +124,58 @@ def _folder(plan: Plan, step: Step, folder: Path) -> Path:
     return folder if first is step.node else folder / step.node.id
 
 
-def window_input_of(rank: int, sinks: list[Sink | None]) -> Callable[[], list[WindowInput]]:
-    """Make a source of messages: what users did at the page and the windows of a rank since it was last asked."""
+def window_input_of(
+    rank: int, sinks: list[Sink | None], key: str = ""
+) -> Callable[[], list[WindowInput | EditRequest]]:
+    """Make a source of messages: what users did at the page and the windows of a rank since it was last asked.
+
+    `key`: the run's, for requests of the page's viewers.
+    """
     inputs = [sink for sink in distinct(sinks) if isinstance(sink, Steered)]
     windows = [sink for sink in inputs if isinstance(sink, WindowSink)]
     told = ("", False)  # how the run was ended, as last said
 
-    def ask() -> list[WindowInput]:
+    def ask() -> list[WindowInput | EditRequest]:
         nonlocal told
-        commands = [command for sink in inputs for command in sink.commands()]
+        commands = [(sink, command) for sink in inputs for command in sink.commands()]
         ended = next((w.escape for w in windows if w.escape), ""), bool(windows) and all(w.gone for w in windows)
-        if not commands and ended == told:
-            return []
+        messages = list[WindowInput | EditRequest]()
+        for waits, run in groupby(commands, key=lambda each: "id" in each[1]):
+            if waits:
+                messages += filter(None, (_request(sink, command, key) for sink, command in run))
+                continue
+            part = [command for _, command in run]
+            for k in range(0, len(part), MAX_COMMANDS):
+                own = part[k : k + MAX_COMMANDS]
+                messages.append(WindowInput(rank=rank, commands=own, escape=ended[0], closed=ended[1]))
+        if ended != told and not any(isinstance(message, WindowInput) for message in messages):
+            messages.append(WindowInput(rank=rank, escape=ended[0], closed=ended[1]))
         told = ended
-        parts = [commands[k : k + MAX_COMMANDS] for k in range(0, len(commands) or 1, MAX_COMMANDS)]
-        return [WindowInput(rank=rank, commands=part, escape=ended[0], closed=ended[1]) for part in parts]
+        return messages
 
     return ask
+
+
+def _request(sink: Sink, message: dict[str, Any], key: str) -> EditRequest | None:
+    """The request of a viewer; None for what is none, which the viewer is told."""
+    assert isinstance(sink, Answers)
+    try:
+        return request_of(message, key)
+    except EditError as error:
+        sink.answer(message["id"], Answer(refused=str(error)))
+        return None
+
+
+def page_answers(sinks: list[Sink | None]) -> Callable[[EditAnswer], None] | None:
+    """What tells viewers of the page the manager's answers; None where there is no page."""
+    page = next((sink for sink in distinct(sinks) if isinstance(sink, Answers)), None)
+    if page is None:
+        return None
+
+    def tell(answer: EditAnswer) -> None:
+        said = Answer(
+            refused=answer.refused, edit=answer.edit, parameters=answer.parameters, left_out=answer.left_out
+        )  # fmt: skip
+        page.answer(answer.number, said)
+
+    return tell

@@ -59,6 +59,18 @@ def test_a_host_is_wanted_of_the_compositor_whose_panels_name_it_else_of_a_free_
     assert ranks_of(graph, "w", "w2", "png") == [by_host["Z"], by_host["Y"], 0]
 
 
+@pytest.mark.parametrize("preset", ["sort-first", "sort-last"])
+def test_renderers_of_a_preset_run_on_the_hosts_of_their_panels_where_that_is_asked_for(preset: str) -> None:
+    text = f"graph: {{preset: {preset}, ranks_per_panel: 2, compositors: 3"
+    there = built(text + ", renderers: panel}\n", wall=HOSTS)
+    ranks = {layer.panel: list[int]() for layer in there.layers}
+    for layer in there.layers:
+        ranks[layer.panel] += layer.ranks
+    assert [[there.hosts[rank] for rank in ranks[panel]] for panel in range(3)] == [["X"] * 2, ["Y"] * 2, ["X"] * 2]
+    anywhere = built(text + "}\n", wall=HOSTS)
+    assert anywhere.hosts == {rank: host for rank, host in there.hosts.items() if rank < 3}
+
+
 def test_named_ranks_keep_their_numbers_and_free_ones_fill_the_gaps() -> None:
     graph = built(
         nodes(

@@ -71,6 +71,7 @@ RANKS = {
     "two_compositors": 5,
     "two_panels": 3,
     "views/four_views": 2,
+    "views/framed_frameless": 3,
     "views/integrators": 3,
     "views/map_inset": 3,
     "views/side_by_side": 3,

@@ -18,7 +18,7 @@ from PIL import Image
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RunError
-from wall.display.browser import IN_FLIGHT, Browser
+from wall.display.browser import IN_FLIGHT, STATUS_PERIOD_S, Browser
 from wall.display.png import whole_wall
 from wall.display.stream import STATISTICS_HEADER
 from wall.display.viewer import visit
@@ -55,6 +55,21 @@ def test_only_changed_panels_are_sent(browser, image, status):
     assert {k: v for k, (v, _) in first_panels.items()} == {0: 1, 1: 1}
     assert {k: v for k, (v, _) in second_panels.items()} == {1: 2}
     assert abs(first_panels[1][1].astype(int) - first.panels[1].rgb).max() <= 2  # flat colour
+
+
+def test_who_wants_nothing_gets_no_image_and_no_status_until_it_wants_some(browser, image, status):
+    async def act(viewer):
+        await viewer.socket.send_json({"kind": "display", "value": "nothing"})
+        assert (await viewer.socket.receive_json())["kind"] == "layout"
+        await until(lambda: not any(seen.shows for seen in browser._viewers))
+        browser.show(image(1), status)
+        with pytest.raises(TimeoutError):
+            await viewer.socket.receive(timeout=1.5 * STATUS_PERIOD_S)
+        await viewer.socket.send_json({"kind": "display", "value": "images"})
+        return await viewer.next_image()
+
+    _, panels = with_viewer(browser, act)
+    assert panels.keys() == {0, 1}
 
 
 def test_slow_viewer_has_no_backlog_and_gets_the_newest_next(browser, image, status):

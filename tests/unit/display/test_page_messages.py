@@ -35,6 +35,10 @@ GOOD = [
     {"kind": "compare", "value": "framed"},
     {"kind": "overlay", "value": "age"},
     {"kind": "display", "value": "samples"},
+    {"kind": "display", "value": "nothing"},
+    {"kind": "pause", "paused": True},
+    {"kind": "orbit", "id": 2**53, "x": [None]},
+    {"kind": "load", "id": "a b", "text": "x" * MAX_MESSAGE_BYTES},
     {"kind": "shown", "number": 7},
 ]
 BAD = [

@@ -77,6 +77,7 @@ def test_requests_and_answers_come_back() -> None:
             assignments=[["a", 1.5], ["b", [1, 2]], ["c", None]],
             listed=["a*"],
             undo=1,
+            commands=[{"kind": "orbit", "x": 0.5, "y": 0, "view": "map"}],
         ),
         EditAnswer(
             client=1 << 32, number=2, refused="why", edit=3, parameters=[{"name": "a", "value": [1.0]}], left_out=2

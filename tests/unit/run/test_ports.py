@@ -30,7 +30,7 @@ from wall.packets.samples import encode
 from wall.roles.instructions import MANAGER, Packet
 from wall.run.clock import HeadClock
 from wall.run.ports import REPLACED, Ports
-from wall.transport.base import FIRST_CLIENT, GUEST, Hub
+from wall.transport.base import FIRST_CLIENT, GUEST, PAGE, Hub
 from wall.transport.curve import Keys
 from wall.transport.factory import connect, open_hub
 from wall.transport.loopback import LoopbackHub, LoopbackLink
@@ -99,6 +99,21 @@ def test_a_stray_packet_at_the_control_hub_is_taken_and_its_owner_sleeps_again(k
     assert came == [Packet(b"stray")]
     assert sleeps(ports)
     close(stray, ports)
+
+
+def test_nobody_asks_in_the_name_of_the_page() -> None:
+    control = LoopbackHub(credit_bytes=1)
+    ports, link = Ports(MANAGER, HeadClock(), hub=control), LoopbackLink(control.endpoint)
+    told = list[EditAnswer]()
+    ports.answer_page = told.append
+    link.send(serialise(EditRequest(client=PAGE, number=1, key="k", undo=1)))
+    assert list(ports.receive()) == []
+    assert ports.drops() == {"stranger": 1}
+    answer = EditAnswer(client=PAGE, number=1, refused="", edit=2)
+    ports.send(PAGE, answer)
+    assert told == [answer]
+    assert list(link.receive()) == []
+    close(link, ports)
 
 
 def test_a_rank_speaks_by_the_link_by_which_it_spoke_first_as_long_as_that_is_open() -> None:
