@@ -190,6 +190,29 @@ def load(
 
 
 @app.command()
+def edit(
+    changes: Annotated[
+        list[str], typer.Argument(metavar="PATH=VALUE...", help="What changes; += adds to a list, -= removes from it")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of results of the running wall: its --out")] = Path("OUT"),
+) -> None:
+    """Change the configuration of a running wall, all that is named or nothing: objects, views, panels.
+
+    Paths are keys with dots; entries of lists go by number or id; values are YAML. `wall set --undo 1` takes it back.
+
+    [bold]wall edit scene.source+=chair.glb[/], [bold]wall edit views-=map views.main.refresh_hz=60[/]
+    """
+    from time import monotonic
+
+    from wall.client import connect
+
+    began = monotonic()
+    with connect(out) as run, errors.status("the wall goes on while every rank prepares that"):
+        number = run.edit(*changes)
+    console.print(f"adopted after {monotonic() - began:.1f} s, by edit {number}")
+
+
+@app.command()
 def draw(
     config: ConfigArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="wall.svg, .pdf or .png")],

@@ -137,16 +137,27 @@ class Client:
         self.request(listed=("exposure",))  # a wall that has ended answers nothing: not for that long
         return self.request(configuration=text, path=path, patience_s=patience_s).edit
 
+    def edit(self, *changes: str, patience_s: float = LOAD_S) -> int:
+        """Change the wall's configuration while it goes on, all of it or nothing: objects, views, panels.
+
+        changes : PATH=VALUE, PATH+=VALUE to add to a list, PATH-=VALUE to remove; entries by number or id, values in
+        YAML, as in "scene.source+=chair.glb", "views-=map", "wall.panels.r0c1.warp={file: right.obj}"
+
+        It holds, and is refused, as what `load` loads; `undo` takes it back where no parameter was set since.
+        """
+        self.request(listed=("exposure",))  # as for `load`
+        return self.request(changes=changes, patience_s=patience_s).edit
+
     def request(
         self, *, assignments: Sequence[Any] = (), listed: Sequence[str] = (), undo: int = 0, configuration: str = "",
-        path: str = "", commands: Sequence[Any] = (), patience_s: float | None = None,
+        path: str = "", commands: Sequence[Any] = (), changes: Sequence[str] = (), patience_s: float | None = None,
     ) -> EditAnswer:  # fmt: skip
         """Ask the wall for something, as EditRequest has it; `patience_s`: None: the client's."""
-        if max(len(assignments), len(listed)) > MAX_COMMANDS:
-            raise EditError(f"{max(len(assignments), len(listed))} parameters at once; at most {MAX_COMMANDS}")
+        if (most := max(len(assignments), len(listed), len(changes))) > MAX_COMMANDS:
+            raise EditError(f"{most} {'changes' if changes else 'parameters'} at once; at most {MAX_COMMANDS}")
         request = EditRequest(
             client=0, number=0, key="", assignments=list(assignments), listed=list(listed), undo=undo,
-            configuration=configuration, path=path, commands=list(commands),
+            configuration=configuration, path=path, commands=list(commands), changes=list(changes),
         )  # fmt: skip
         answer = self._way.edit(request, self._patience_s if patience_s is None else patience_s)
         if answer.refused:

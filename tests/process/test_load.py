@@ -126,7 +126,15 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
                 run.load("scene: {source: courtyard}\n")
     until_alike(address, wanted)
 
+    changes = ("views-=map", "scene.sky=null", "views.0.camera.position=[6, 4.5, 10]")
+    done = wall("edit", *changes, "--out", tmp_path / "OUT")
+    assert done.returncode == 0, done.stderr
+    until_alike(address, of_panels(first))
     with connect(address) as run:
+        with pytest.raises(EditError, match="map is not in it; there are: "):
+            run.edit("views-=map")
+        run.undo()
+        until_alike(address, wanted)
         run.load(config)
     until_alike(address, of_panels(first))
     config.write_text(second.read_text())
@@ -135,7 +143,7 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
     said, _ = process.communicate(timeout=20)
     assert process.returncode == 0
     assert f"note: {config}: adopted" in "".join(said.split("\n")).replace("  ", " ")
-    assert summary(tmp_path / "OUT")["configurations"] == 4
+    assert summary(tmp_path / "OUT")["configurations"] == 6
     assert summary(tmp_path / "OUT")["restarts"].keys() == {"1", "2", "3"}
     assert summary(tmp_path / "OUT")["dropped"].get("bad_packet", 0) == 0
 

@@ -16,6 +16,7 @@ from wall.display.steering import MAX_REQUEST_BYTES
 V = TypeVar("V")  # a viewer
 LOAD = "load"  # the kind that may be longer than MAX_REQUEST_BYTES
 WATCHES = "this address lets watch, not change anything"
+NAME_FILES = (LOAD, "edit")  # kinds whose configuration may name any file that the wall's machines can read
 NO_LOAD = "this wall takes no configuration over its page; wanted: output.browser.load: true, or its folder of results"
 
 
@@ -37,8 +38,10 @@ class Requests(Generic[V]):
         """Why a request of `size` characters is refused here, "" if it is not; `steers`: may its viewer."""
         if not steers:
             return WATCHES
+        if message["kind"] in NAME_FILES and not self._loads:
+            return NO_LOAD
         if message["kind"] == LOAD:
-            return "" if self._loads else NO_LOAD
+            return ""
         return "" if size <= MAX_REQUEST_BYTES else f"{size} characters at once: want at most {MAX_REQUEST_BYTES}"
 
     def answered(self, number: int, answer: Answer) -> tuple[V, str] | None:

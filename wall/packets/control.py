@@ -170,6 +170,7 @@ class EditRequest:
     configuration: str = ""  # YAML that the run is to adopt; "": none
     path: str = ""  # of its file: relative paths start at the file's folder; "": of the run's
     commands: list[Any] = field(default_factory=list)  # as of a WindowInput, whose `view` may be a name
+    changes: list[Any] = field(default_factory=list)  # of the run's own configuration, see roles.config_edits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -78,6 +78,16 @@ class Editor:
         """Number of the newest edit."""
         return self._count
 
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an edit of a parameter to undo."""
+        return bool(self._undoable)
+
+    def has_answered(self, request: EditRequest) -> bool:
+        """Whether a request comes again."""
+        known = self._answered.get(request.client)
+        return known is not None and known.number == request.number
+
     def set(self, assignments: Sequence[tuple[str, object]], now: float = 0.0) -> None:
         """Set parameters to values, all or none; None sets the configuration's. Raises EditError.
 
@@ -154,9 +164,8 @@ class Editor:
 
         `steer`: does its commands, or raises EditError.
         """
-        known = self._answered.get(request.client)
-        if known is not None and known.number == request.number:
-            return known
+        if self.has_answered(request):
+            return self._answered[request.client]
         answer = self._answer(request, scene_time, now, steer)
         self._answered.pop(request.client, None)
         self._answered[request.client] = answer

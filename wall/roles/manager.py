@@ -169,14 +169,14 @@ class Manager:
                 yield Send(HEAD, message)
             elif isinstance(message, WindowInput):
                 before = self._commands.selection
-                self._take_input(message, now)
+                yield from self._take_input(message, now)
                 if self._commands.selection != before:
                     yield Send(HEAD, self._commands.selection)
             elif isinstance(message, Note):
                 self.register.news.append(message)
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
-            elif isinstance(message, EditRequest) and message.configuration:
+            elif isinstance(message, EditRequest) and self._reloading.takes(message, self.editor):
                 yield from self._reloading.load(message, self.editor, now)
             elif isinstance(message, Changed):
                 yield from self._reloading.ask(Asked(text=message.text, path=message.path), now)
@@ -228,7 +228,7 @@ class Manager:
         if not 0 <= rank < self._layout.size:
             raise RemoteProtocolError(f"rank {rank}; wanted: 0 to {self._layout.size - 1}")
 
-    def _take_input(self, message: WindowInput, now: float) -> None:
+    def _take_input(self, message: WindowInput, now: float) -> Iterator[Instruction]:
         """Take in steering and ends of the run. Raises RemoteProtocolError for a rank that has no windows."""
         if message.rank not in self._window_ranks | {HEAD}:
             raise RemoteProtocolError(f"rank {message.rank} has no windows; wanted: {sorted(self._window_ranks)}")
@@ -236,7 +236,11 @@ class Manager:
         self._closed |= {message.rank} if message.closed else set()
         for command in message.commands:
             try:
-                self._edited |= self._commands.take(parse(command), self.editor, self._directors, now)
+                parsed = parse(command)
+                if parsed.kind == "undo" and self._reloading.can_undo and not self.editor.can_undo:
+                    yield from self._reloading.undo(now)
+                else:
+                    self._edited |= self._commands.take(parsed, self.editor, self._directors, now)
             except RemoteProtocolError:
                 self.counters["bad_command"] += 1
             except EditError as error:

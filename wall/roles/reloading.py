@@ -10,18 +10,22 @@ from __future__ import annotations
 
 import enum
 import math
+from collections import deque
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
+from wall.config.loading import Loaded
 from wall.core.errors import ConfigError, EditError
 from wall.geometry.panels import Panel
 from wall.packets.control import Adopt, EditAnswer, EditRequest, Heartbeat, Prepare, Prepared
+from wall.roles.config_edits import edited, text_of
 from wall.roles.editing import Editor
 from wall.roles.instructions import Broadcast, Instruction, Make, PlanMade, Send
 from wall.roles.plan import Layout, Plan, window_panels
 
+MOST_UNDONE = 16  # configurations that can be taken back
 AGAIN_S = 1.0  # between copies of what is not answered
 PREPARE_S = 600.0  # for all ranks to load a model, and to compile for it
 ADOPT_S = 5.0  # for all ranks to go over; who comes later finds the events there
@@ -44,6 +48,7 @@ class Asked:
     path: str
     client: int = 0  # of an EditRequest, which is answered; 0: of nobody
     request: int = 0  # its number
+    back: bool = False  # to the configuration before
 
     def answer(self, refused: str = "", *, edit: int = 0) -> Iterator[Send]:
         """What who asked is told: why not, or that it is done, as of the newest edit."""
@@ -64,6 +69,8 @@ class Reloading:
         self._missing: set[int] = set()  # ranks that have not prepared or adopted it
         self._limit = self._again = math.inf
         self.said = ""  # what came of the last one, in words
+        self._former = deque[Loaded](maxlen=MOST_UNDONE)  # what ran before, the newest last
+        self._answered: list[Send] = []  # what who asked last was told
 
     @property
     def adopting(self) -> bool:
@@ -87,24 +94,52 @@ class Reloading:
     def ask(self, asked: Asked, now: float) -> Iterator[Instruction]:
         """Begin. Raises EditError where that cannot be."""
         if self._stage is not Stage.NONE:
-            if (asked.client, asked.request) == (self._asked.client, self._asked.request) != (0, 0):
+            if _same_request(asked, self._asked):
                 return  # said again: it is under way
             raise EditError("another configuration is being loaded; wanted: one after the other")
         if self._fixed:
             raise EditError(f"this run keeps its configuration: {self._fixed}")
-        self._asked, self._stage, self._limit = asked, Stage.PLANNING, now + PREPARE_S
+        self._asked, self._answered = asked, []
+        self._stage, self._limit = Stage.PLANNING, now + PREPARE_S
         self._number += 1
         yield Make(self._message())
 
+    def takes(self, request: EditRequest, editor: Editor) -> bool:
+        """Whether a request wants another configuration; to undo does where no parameter was edited since the last."""
+        undoes = request.undo > 0 and self.can_undo and not editor.can_undo and not editor.has_answered(request)
+        again = (request.client, request.number) == (self._asked.client, self._asked.request)
+        return bool(request.configuration or request.changes or undoes or again)
+
     def load(self, request: EditRequest, editor: Editor, now: float) -> Iterator[Instruction]:
-        """Begin to load a configuration for who knows the key; the answer comes when that is done, or refused."""
+        """Begin to load, change or take back a configuration for who knows the key.
+
+        The answer comes when that is done, or refused.
+        """
         asked = asked_by(request, str(self._plan.layout.loaded.path))
         try:
             editor.check_key(request)
-            yield from self.ask(asked, now)
+            if _same_request(asked, self._asked):
+                yield from self._answered
+            elif request.configuration:
+                yield from self.ask(asked, now)
+            elif request.changes:
+                text = edited(self._plan.layout.loaded.config, request.changes)
+                yield from self.ask(replace(asked, text=text), now)
+            else:
+                yield from self.undo(now, asked)
         except EditError as error:
             editor.counters["refused_edit"] += 1
             yield from asked.answer(str(error))
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether another configuration ran before this one."""
+        return bool(self._former)
+
+    def undo(self, now: float, asked: Asked | None = None) -> Iterator[Instruction]:
+        """Go back to the configuration before. `asked`: by whom; None: by nobody who waits. Raises EditError."""
+        former, asked = self._former[-1], asked or Asked(text="", path="")
+        yield from self.ask(replace(asked, text=text_of(former.config), path=str(former.path), back=True), now)
 
     def _message(self) -> Prepare:
         return Prepare(number=self._number, text=self._asked.text, path=self._asked.path)
@@ -160,22 +195,36 @@ class Reloading:
         if self._missing and now < self._limit:
             return None
         assert self._made is not None
+        if self._asked.back:
+            self._former.pop()
+        else:
+            self._former.append(self._plan.layout.loaded)
         self._plan, self._stage = self._made, Stage.NONE
         return self._plan
 
     def answer(self, edit: int) -> Iterator[Instruction]:
         """Tell who asked that it is done; `edit`: number of the newest edit."""
         self.said = f"{self._asked.path}: adopted"
-        yield from self._asked.answer(edit=edit)
+        yield from self._tell(edit=edit)
 
     def _refuse(self, why: str) -> Iterator[Instruction]:
         self._stage, self.said = Stage.NONE, f"refused, nothing has changed: {why}"
-        yield from self._asked.answer(why)
+        yield from self._tell(why)
+
+    def _tell(self, refused: str = "", *, edit: int = 0) -> Iterator[Instruction]:
+        """Answer who asked, and be ready to answer again."""
+        self._answered = list(self._asked.answer(refused, edit=edit))
+        yield from self._answered
 
 
 def asked_by(request: EditRequest, path: str) -> Asked:
     """What a request wants; `path`: of the run's own configuration."""
     return Asked(text=request.configuration, path=request.path or path, client=request.client, request=request.number)
+
+
+def _same_request(one: Asked, other: Asked) -> bool:
+    """Whether one comes again."""
+    return (one.client, one.request) == (other.client, other.request) != (0, 0)
 
 
 def check_fits(old: Layout, new: Layout) -> None:

@@ -30,7 +30,7 @@ def request_of(message: Mapping[str, Any], key: str) -> EditRequest:
         asked = _FIELDS[kind](fields)
     else:
         asked = {"commands": [{"kind": kind, **fields}]}
-    base = {"assignments": [], "listed": [], "undo": 0, "configuration": "", "path": "", "commands": []}
+    base = {"assignments": [], "listed": [], "undo": 0, "configuration": "", "path": "", "commands": [], "changes": []}
     try:
         request = checked(EditRequest, {"client": PAGE, "number": message["id"], "key": key, **base, **asked})
         serialise(request)  # what does not fit in a message is refused here
@@ -49,6 +49,8 @@ def message_of(request: EditRequest) -> dict[str, Any]:
         asked.append({"kind": "undo", "steps": request.undo})
     if request.configuration:
         asked.append({"kind": "load", "text": request.configuration, "path": request.path})
+    if request.changes:
+        asked.append({"kind": "edit", "changes": request.changes})
     asked += request.commands
     if request.assignments or not asked:
         asked.append({"kind": "set", "values": dict(request.assignments)})
@@ -85,10 +87,19 @@ def _loaded(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {"configuration": text, "path": path}
 
 
+def _changed(fields: Mapping[str, Any]) -> dict[str, Any]:
+    changes = _only(fields, "edit", "changes").get("changes")
+    if not isinstance(changes, list) or not 0 < len(changes) <= MAX_COMMANDS:
+        raise EditError(f"edit: changes: want a list of 1 to {MAX_COMMANDS} texts, as `views-=map`")
+    return {"changes": changes}
+
+
 def _only(fields: Mapping[str, Any], kind: str, *names: str) -> Mapping[str, Any]:
     if others := fields.keys() - set(names):
         raise EditError(f"{kind} came with {', '.join(sorted(others))[:60]}: want {', '.join(names)}")
     return fields
 
 
-_FIELDS: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {"list": _listed, "undo": _undone, "load": _loaded}
+_FIELDS: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+    "list": _listed, "undo": _undone, "load": _loaded, "edit": _changed,
+}  # fmt: skip

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from wall.config.loading import loads
 from wall.core.errors import ConfigError, EditError
-from wall.packets.control import Adopt, EditAnswer, EditRequest, Event, Heartbeat, Hello, Prepare, Prepared
+from wall.packets.control import Adopt, EditAnswer, EditRequest, Event, Heartbeat, Hello, Prepare, Prepared, WindowInput
 from wall.roles.instructions import Broadcast, Changed, Died, Instruction, Make, PlanMade, Send
 from wall.roles.manager import Manager
 from wall.roles.plan import Layout, Plan, make_layout, make_plan
@@ -57,6 +58,19 @@ class Led:
 
     def beat(self, rank: int, configuration: int) -> None:
         self.tell(Heartbeat(rank=rank, time=self.now, configuration=configuration))
+
+    def adopted(self, asked: list[Instruction]) -> list[object]:
+        """What clients are answered once all ranks have adopted what was asked for."""
+        (make,) = (each for each in asked if isinstance(each, Make))
+        number = make.wanted.number
+        made = make_plan(make_layout(loads(make.wanted.text, name="new.yaml", path=Path(make.wanted.path))))
+        self.tell(PlanMade(number, replace(made, number=number)))
+        for rank in range(RANKS):
+            self.tell(Prepared(rank=rank, number=number))
+        self.tick(0.1)
+        for rank in range(RANKS):
+            self.beat(rank, number)
+        return said(self.manager.on_tick(self.now), EditAnswer)
 
     def ask(self, number: int = 1, key: str = KEY) -> list[Instruction]:
         return self.tell(EditRequest(client=CLIENT, number=number, key=key, configuration=TEXT, path="new.yaml"))
@@ -114,6 +128,45 @@ def test_all_ranks_prepare_then_all_adopt_then_events_go_on_with_higher_numbers(
     assert led.manager.plan.number == 1
     with pytest.raises(EditError, match="no edit to undo"):
         led.manager.editor.undo()
+
+
+def test_changes_of_the_configuration_are_made_once_and_taken_back(plan: Plan) -> None:
+    led, change = Led(plan), "views.0.refresh_hz=5"
+    request = EditRequest(client=CLIENT, number=1, key=KEY, changes=[change])
+    (changed,) = led.adopted(led.tell(request))
+    assert led.manager.plan.views[0].refresh_hz == 5
+    assert led.tell(request) == [Send(CLIENT, changed)], "said again: answered again, and not done again"
+
+    led.manager.editor.set([("exposure", 1.0)])
+    back = EditRequest(client=CLIENT, number=2, key=KEY, undo=1)
+    assert said(led.tell(back), EditAnswer), "the newest edit first: a parameter's"
+    assert led.manager.editor.stops is None
+    (undone,) = led.adopted(led.tell(back := replace(back, number=3)))
+    assert led.manager.plan.layout.loaded.config == plan.layout.loaded.config
+    assert led.tell(back) == [Send(CLIENT, undone)]
+    assert refusals(led.tell(replace(back, number=4))) == ["there is no edit to undo"]
+
+
+def test_a_viewer_takes_a_configuration_back(plan: Plan) -> None:
+    led = Led(plan)
+    led.adopted(led.tell(EditRequest(client=CLIENT, number=1, key=KEY, changes=["scene.source=gallery"])))
+    led.adopted(led.tell(WindowInput(rank=0, commands=[{"kind": "undo"}])))
+    assert led.manager.plan.layout.loaded.config == plan.layout.loaded.config
+    led.tell(WindowInput(rank=0, commands=[{"kind": "undo"}]))
+    assert led.manager.counters["refused_edit"] == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        (["views-=map"], "views-=map: map is not in it; there are: main"),
+        ([7], "7: is no text; wanted: PATH=VALUE, PATH+=VALUE or PATH-=VALUE"),
+    ],
+)
+def test_changes_that_cannot_be_made_are_refused_with_a_reason(plan: Plan, changes: list[object], why: str) -> None:
+    led = Led(plan)
+    assert refusals(led.tell(EditRequest(client=CLIENT, number=1, key=KEY, changes=changes))) == [why]
+    assert said(led.tick(1.0), Event), "all goes on"
 
 
 def test_a_rank_that_is_started_again_meanwhile_has_to_prepare_once_more(plan: Plan) -> None:

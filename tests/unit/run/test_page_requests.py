@@ -112,11 +112,11 @@ def test_every_message_of_the_guide_is_answered_as_done() -> None:
         answers = told(wall.address, *messages)
     assert [answer["id"] for answer in answers] == [message["id"] for message in messages]
     assert [answer.get("refused") for answer in answers] == [None] * len(messages)
-    kinds = {message["kind"] for message in messages} | {"focus", "load"}  # without a lens, without leave
+    kinds = {message["kind"] for message in messages} | {"focus", "load", "edit"}  # without a lens, without leave
     table = GUIDE.read_text(encoding="utf-8").partition("## Requests")[2].partition("`view` is a")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     assert kinds | {"kind"} == {word for row in rows for word in row.split("`")[1::2]}
-    assert kinds == {*get_args(Kind), "list", "load"} - {"statistics"}
+    assert kinds == {*get_args(Kind), "list", "load", "edit"} - {"statistics"}
 
 
 def test_assignments_hold_all_or_none_and_the_sender_hears_why(served: Served) -> None:
@@ -161,6 +161,7 @@ def test_assignments_hold_all_or_none_and_the_sender_hears_why(served: Served) -
         ({"kind": "statistics", "value": "on"}, "overlay"),
         ({"kind": "explode"}, "want one of orbit"),
         ({"kind": "load", "text": "version: 1"}, "output.browser.load"),
+        ({"kind": "edit", "changes": ["views-=map"]}, "output.browser.load"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )  # fmt: skip
@@ -316,7 +317,8 @@ def test_a_wall_that_ends_or_is_silent_is_told_to_who_asks() -> None:
 @pytest.mark.parametrize(
     "asked",
     [{"assignments": [["exposure", [1.0]], ["sky.strength", None]]}, {"listed": ["lights.*"]}, {"listed": [""]},
-     {"undo": 3}, {"configuration": "version: 1", "path": "/x/y.yaml"}, {"commands": [{"kind": "pause"}]}, {}],
+     {"undo": 3}, {"configuration": "version: 1", "path": "/x/y.yaml"}, {"commands": [{"kind": "pause"}]},
+     {"changes": ["views-=map"]}, {}],
 )  # fmt: skip
 def test_a_request_comes_back_from_its_message(asked: dict[str, Any]) -> None:
     request = EditRequest(client=1 << 33, number=7, key=KEY, **asked)
