@@ -39,7 +39,7 @@ from wall.roles.instructions import (
     TrackerStrangers,
 )
 from wall.roles.joining import Joining, grown
-from wall.roles.membership import Register
+from wall.roles.membership import Register, SignOfLife
 from wall.roles.plan import HEAD, Plan, window_ranks
 from wall.roles.reloading import Asked, Reloading
 from wall.roles.updates import EditsTaken
@@ -150,7 +150,7 @@ class Manager:
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in messages of ranks, input of users, news of the launcher."""
         try:
-            if isinstance(message, Hello | Heartbeat | Note | Prepared):
+            if isinstance(message, Hello | SignOfLife | Note | Prepared):
                 self._check_rank(message.rank)
             if isinstance(message, Hello):
                 self.joining.check(message)
@@ -162,10 +162,11 @@ class Manager:
                     yield Send(message.rank, self.balancer.assignment)
                 if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
                     yield Send(message.rank, Stop(reason=self.ended))
-            elif isinstance(message, Heartbeat):
-                self.heartbeats[message.rank] = message
-                self.register.hear(message.rank, now)
-                yield Send(HEAD, message)
+            elif isinstance(message, SignOfLife):
+                known = self.register.hear(message, self.heartbeats.get(message.rank), now)
+                if known is not None:
+                    self.heartbeats[message.rank] = known
+                    yield Send(HEAD, known)
             elif isinstance(message, WindowInput):
                 before = self._selection
                 self._take_input(message, now)

@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TypeAlias
 
 from wall.config.schema import TransportConfig
-from wall.packets.control import Heartbeat, Hello, Membership
+from wall.packets.control import Alive, Heartbeat, Hello, Membership
 from wall.packets.notes import Note, note_of
 from wall.roles.instructions import MANAGER, Broadcast, Connect, Died, Finish, Instruction, Send
 from wall.roles.plan import HEAD
@@ -22,6 +24,7 @@ PAUSE_S = 0.5  # the manager never waits so long by itself: what it did not list
 NOT_YET = "has not come yet"  # how a place is lost that is new
 MOST_NOTES = 256  # that wait to be told; of more the newest
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a message of the manager, then a rank ends itself
+SignOfLife: TypeAlias = Heartbeat | Alive
 
 
 class Register:
@@ -31,6 +34,7 @@ class Register:
         self.members: dict[int, Hello] = {}
         self.lost: dict[int, str] = {}  # ranks that died or are silent: how
         self.silences: dict[int, float] = {}  # the longest that a rank was silent, beyond lost_after_s
+        self.busy: dict[int, float] = {}  # the longest that the loop of one that lived was held up, seconds
         self.restarts: dict[int, list[str]] = {}  # by rank: how those died in whose place another came
         self.news: list[Note] = []  # to be told
         self._notes: deque[Note] = deque(maxlen=MOST_NOTES)  # for the head's process
@@ -107,9 +111,13 @@ class Register:
             self._due = min(self._due, now + GATHER_S)
         return returns
 
-    def hear(self, rank: int, now: float) -> None:
-        """A rank gave a sign of life."""
-        self._heard[rank] = now
+    def hear(self, sign: SignOfLife, before: Heartbeat | None, now: float) -> Heartbeat | None:
+        """A rank gave a sign of life. Returns what it says by now; `before`: what it said before, if that is known."""
+        self._heard[sign.rank] = now
+        if isinstance(sign, Heartbeat):
+            return sign
+        self.busy[sign.rank] = max(self.busy.get(sign.rank, 0.0), sign.busy_s)
+        return None if before is None else replace(before, time=max(before.time, sign.time), busy_s=sign.busy_s)
 
     def bury(self, death: Died, now: float) -> None:
         """A rank's process has ended; one that is started again is missed until it says Hello."""

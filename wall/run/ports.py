@@ -11,6 +11,7 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
 from wall.packets.control import (
     EditAnswer,
     EditRequest,
+    Heartbeat,
     Hello,
     Membership,
     Message,
@@ -25,6 +26,7 @@ from wall.packets.notes import Level, note_of
 from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.roles.plan import HEAD
+from wall.run.beater import Beater
 from wall.run.clock import HeadClock
 from wall.transport.base import FIRST_CLIENT, GUEST, MAX_CONTROL, Hub, Link
 from wall.transport.curve import Keys, is_key
@@ -43,11 +45,12 @@ class Ports:
 
     def __init__(
         self, rank: int, clock: HeadClock, *, hub: Hub | None, manager: Link | None = None, ping_s: float | None = None,
-        keys: Keys | None = None,
+        keys: Keys | None = None, heartbeat_s: float | None = None,
     ) -> None:  # fmt: skip
         """`manager`: None for the manager itself. `ping_s`: between pings, None where the head's clock is also ours.
 
-        `keys`: for links to other ranks, see Keys.
+        `keys`: for links to other ranks, see Keys. `heartbeat_s`: between signs of life that go on while the loop is
+        held up; None: nobody waits for them.
         """
         self._rank, self._clock, self._hub, self._manager, self._ping_s = rank, clock, hub, manager, ping_s
         self._counters = Counter[str]()
@@ -57,6 +60,9 @@ class Ports:
         self._incarnations: dict[int, int] = {}  # of ranks, as the manager says
         self._former: deque[bytes] = deque(maxlen=FORMER)  # links of processes that were ranks, and are not any more
         self._ping_due, self._keys = 0.0, keys
+        self._beater: Beater | None = None
+        if manager is not None and heartbeat_s is not None:
+            self._beater = Beater(rank, manager, clock, heartbeat_s)
         self._backlog: deque[Message] = deque(maxlen=MAX_CONTROL)  # came before the head's time was known
 
     def synchronise(self) -> None:
@@ -90,6 +96,8 @@ class Ports:
     def send(self, to: int, message: Message) -> None:
         """Send a message to the manager, or from it to a rank that has spoken."""
         if to == MANAGER and self._manager is not None:
+            if self._beater is not None and isinstance(message, Heartbeat):
+                self._beater.note(last=message.last)
             self._manager.send(serialise(message))
         elif self._hub is not None and to in self._peers:
             if to < FIRST_CLIENT:
@@ -167,6 +175,8 @@ class Ports:
 
     def close(self) -> None:
         """Close all of them, within a bounded time each."""
+        if self._beater is not None:
+            self._beater.close()
         for way in self._ways():
             way.close()
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from manager_run import TEXT, Run, hello, plan_of
 
-from wall.packets.control import Membership
+from wall.packets.control import Alive, Membership
 from wall.roles.instructions import Died, Input
 from wall.roles.manager import NO_RENDERER, SILENT_S
 from wall.roles.membership import GATHER_S, REPEAT_S
@@ -95,6 +95,25 @@ def test_silent_renderers_end_no_run_before_a_minute_and_dead_ones_at_once(elsew
     run = Run(elsewhere)
     run.tell(Died(2, "signal 9"))
     assert run.manager.ended == NO_RENDERER
+
+
+def test_a_rank_whose_loop_is_held_up_is_heard_of_and_all_else_is_as_it_last_said(elsewhere: Plan) -> None:
+    run, transport = Run(elsewhere), elsewhere.layout.config.transport
+    (beat,) = run.beats(2)
+    run.tell(hello(1), hello(2), *run.beats(1), beat, after=1.0)
+    step, busy_s = transport.marked_after_s / 2, 0.0
+    while busy_s < 2.0 * transport.lost_after_s:
+        busy_s += step
+        said = run.tell(*run.beats(1), Alive(rank=2, time=run.now, busy_s=busy_s), after=step)
+        assert (HEAD, replace(beat, time=run.now - step, busy_s=busy_s)) in said
+    assert (run.manager.lost, run.manager.register.silences) == ({}, {})
+    assert run.manager.register.busy == {2: busy_s}
+    run.tell(*run.beats(1, 2), after=step)
+    assert run.manager.heartbeats[2].busy_s == 0.0
+    assert run.manager.register.busy == {2: busy_s}, "the longest"
+    run.tell(*run.beats(1), after=transport.lost_after_s)
+    run.tell(*run.beats(1), after=0.5)
+    assert run.manager.lost.keys() == {2}, "nor does its other thread speak"
 
 
 def test_rank_that_was_only_late_is_not_lost_and_one_that_died_stays_lost(elsewhere: Plan) -> None:
