@@ -45,7 +45,6 @@ from wall.roles.reloading import Asked, Reloading
 from wall.roles.updates import EditsTaken
 
 NO_RENDERER = "no renderer is left"
-SILENT_S = 60.0  # all renderers may be for so long: a machine that swaps or a switch that restarts is no death
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 SETTLED_S = 0.4  # a complete image that has not changed for this long is final
 REPEAT_S = 0.5  # events are said again, at the latest
@@ -358,8 +357,7 @@ class Manager:
 
     def _why_over(self, now: float) -> str:
         """Why the run is to end, "" as long as it is not."""
-        longest = max(SILENT_S, self._layout.config.transport.lost_after_s)
-        if self.register.silence(self._layout.renderers(), now) > longest:
+        if self.register.silence(self._layout.renderers(), now) >= self._layout.config.transport.longest_silence_s:
             return NO_RENDERER
         if self.escape:
             return self.escape

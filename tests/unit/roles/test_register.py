@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from manager_run import TEXT, Run, hello, plan_of
+from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
 
 from wall.packets.control import Alive, Membership
 from wall.roles.instructions import Died, Input
-from wall.roles.manager import NO_RENDERER, SILENT_S
+from wall.roles.manager import NO_RENDERER
 from wall.roles.membership import GATHER_S, REPEAT_S
 from wall.roles.plan import HEAD, Plan
 
@@ -83,14 +83,20 @@ def test_a_rank_that_was_silent_and_then_ended_in_order_is_not_missed(elsewhere:
     assert run.manager.register.missed(run.manager.heartbeats).keys() == {1}
 
 
-def test_silent_renderers_end_no_run_before_a_minute_and_dead_ones_at_once(elsewhere: Plan) -> None:
+def test_silent_renderers_end_no_run_unless_that_is_wanted_and_dead_ones_at_once(elsewhere: Plan) -> None:
     run = Run(elsewhere)
-    run.tell(*run.beats(1), after=SILENT_S)
+    run.tell(*run.beats(1), after=86400.0)
     assert run.manager.lost.keys() == {2}
     assert run.manager.ended == ""
     run.tell(*run.beats(2))
     assert run.manager.lost == {}, "it is back, and the run is as it was"
-    run.tell(*run.beats(1), after=SILENT_S + 0.5)
+    run.tell(Died(2, "signal 9"))
+    assert run.manager.ended == NO_RENDERER
+
+    run = Run(plan_of(f"{TEXT}transport: {{ends_after_s: 60}}\n{ELSEWHERE}"))
+    run.tell(*run.beats(1), after=59.5)
+    assert run.manager.ended == ""
+    run.tell(*run.beats(1), after=0.5)
     assert run.manager.ended == NO_RENDERER
     run = Run(elsewhere)
     run.tell(Died(2, "signal 9"))
