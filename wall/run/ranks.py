@@ -196,10 +196,10 @@ def compositor_loop(
 def ways_of(plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str], clock: HeadClock, hub: Hub | None) -> Ports:
     """A rank's ways to others. Processes of one machine share its monotonic clock and need no pings."""
     manager, ping_s = _manager_of(plan, bootstrap, address)
-    heartbeat_s = None if bootstrap.rank == HEAD else plan.layout.config.transport.heartbeat_s  # it is not missed
     return Ports(
-        bootstrap.rank, clock, hub=hub, manager=manager, ping_s=ping_s, keys=bootstrap.keys, heartbeat_s=heartbeat_s
-    )
+        bootstrap.rank, clock, hub=hub, manager=manager, ping_s=ping_s, keys=bootstrap.keys,
+        heartbeat_s=plan.layout.config.transport.heartbeat_s,
+    )  # fmt: skip
 
 
 def _manager_of(plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str]) -> tuple[Link, float | None]:
