@@ -11,6 +11,7 @@ import json
 import math
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -39,6 +40,7 @@ ALL_BUT_OBJECTS = ""  # a pattern of parameters' names
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
+KIND_AT = 5  # byte of the header
 _EVENT = struct.Struct("<HQQdd3d9d3fB31p31pBdQ")  # then the edits
 
 
@@ -286,6 +288,19 @@ def parse_control(data: bytes | memoryview) -> Message:
     if length != came or _checksum(data[: _HEADER.size], kind, body, rest) != checksum:
         raise RemoteProtocolError(f"message of kind {kind}: {came} bytes of {length}, or a checksum that differs")
     return _parse_body(kind, body, rest)
+
+
+def maker_of(data: bytes, ranks: Sequence[int]) -> int | None:
+    """The rank whose a framelet or a renderer's statistics image is; `ranks`: of the graph's steps.
+
+    None for other messages, and for what names no step, or is too short: parse_control() refuses it.
+    """
+    if len(data) < HEADER_BYTES + 2 or data[: len(MAGIC)] != MAGIC:
+        return None
+    kind, number = data[KIND_AT], int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 2], "little")
+    if kind == KIND_STATISTICS_IMAGE:
+        return number or None  # 0: of a compositor, for the head, which does not say whose it is
+    return ranks[number] if kind == KIND_FRAMELET and number < len(ranks) else None
 
 
 def _checksum(head: bytes | memoryview, kind: int, body: bytes, data: bytes | memoryview) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
@@ -18,6 +18,7 @@ from wall.packets.control import (
     Ping,
     Pong,
     Stop,
+    maker_of,
     parse_control,
     serialise,
 )  # fmt: skip
@@ -57,6 +58,8 @@ class Ports:
         self._links: dict[int, Link] = {}
         self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
         self._senders: dict[int, bytes] = {}  # of samples, by rank: its link
+        self._makers: dict[int, bytes] = {}  # likewise, of framelets
+        self._step_ranks: Sequence[int] | None = None  # by step: the rank that makes its framelets; None: not known
         self._incarnations: dict[int, int] = {}  # of ranks, as the manager says
         self._former: deque[bytes] = deque(maxlen=FORMER)  # links of processes that were ranks, and are not any more
         self._ping_due, self._keys = 0.0, keys
@@ -87,11 +90,15 @@ class Ports:
             yield from self._of_manager(self._manager)
         if self._hub is not None:
             for peer, packet in self._hub.drain(DRAIN_BYTES):
-                rank = sender_of(packet)
-                if rank is None or self._is_bound(self._senders, rank, peer, self._hub):
+                if self._is_of_its_rank(packet, peer, self._hub):
                     yield Packet(packet)
                 self._hub.release(peer, len(packet))
             yield from self._of_ranks(self._hub)
+
+    def expect(self, step_ranks: Sequence[int]) -> None:
+        """From now on take framelets only from the ranks that make them, by step of the graph."""
+        self._step_ranks = step_ranks
+        self._makers.clear()  # who spoke under another graph
 
     def send(self, to: int, message: Message) -> None:
         """Send a message to the manager, or from it to a rank that has spoken."""
@@ -206,7 +213,8 @@ class Ports:
         """Ranks that were started again, or whose place another process has taken, speak by other links."""
         for member in membership.members:
             if self._incarnations.get(member.rank, member.incarnation) != member.incarnation:
-                self._part_with(self._senders.pop(member.rank, None))
+                for peers in (self._senders, self._makers):
+                    self._part_with(peers.pop(member.rank, None))
             self._let_in(member)
             self._incarnations[member.rank] = member.incarnation
 
@@ -228,6 +236,13 @@ class Ports:
                     ours = self._is_bound(self._peers, who, peer, hub)
                 if ours:
                     yield message
+
+    def _is_of_its_rank(self, packet: bytes, peer: bytes, hub: Hub) -> bool:
+        """Whether a packet came from the rank that it names: that has traced its samples, or makes its framelet."""
+        peers, rank = self._senders, sender_of(packet)
+        if rank is None and self._step_ranks is not None:
+            peers, rank = self._makers, maker_of(packet, self._step_ranks)
+        return rank is None or self._is_bound(peers, rank, peer, hub)
 
     def _is_bound(self, peers: dict[int, bytes], rank: int, peer: bytes, hub: Hub) -> bool:
         """Whether a rank, or a process beside the run, speaks by this link.

@@ -175,6 +175,7 @@ def compositor_loop(
     sink_of = dict(zip((step.node.id for step in plan.layout.graph.sinks_on(rank)), sinks, strict=True))
 
     def make(plan: Plan) -> Compositor:
+        ports.expect([step.rank for step in plan.layout.graph.steps])
         run_all = in_threads(len(plan.layout.graph.layers_on(rank)))
         return Compositor(plan, hello, ports.ready, run_all, ports.shares)
 
