@@ -256,6 +256,27 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
     assert set(os.listdir("/dev/shm")) <= before
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_a_signal_to_mpirun_leaves_all_results(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]], number: signal.Signals
+) -> None:
+    config, out, before = write_config(tmp_path, path=ORBIT), tmp_path / "out", set(os.listdir("/dev/shm"))
+    run = running("run", config, "--headless", "--out", out, launcher=mpirun(2))
+    read_until(run, "running (Ctrl-C")
+    time.sleep(0.5)  # for samples
+    os.kill(run.pid, number)
+    until_gone(run)
+    # by the process that writes the results, which is not of the session
+    until_written(out / "summary.json", "terminated", STOP_LIMIT_S)
+
+    found = summary(out)
+    assert found["ranks"][1]["samples_traced"] > 64 * 48
+    assert panels(out)[0].std() > 10
+    assert {path.name for path in out.iterdir()} == {"log", "panel-r0c0.png", "summary.json", "wall.png"}
+    assert set(os.listdir("/dev/shm")) <= before
+
+
 def environment_of(pid: int) -> dict[str, str]:
     try:
         entries = Path(f"/proc/{pid}/environ").read_text().split("\0")

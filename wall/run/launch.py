@@ -102,7 +102,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
     try:
         return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)
     finally:
-        bootstrap.finish()
+        bootstrap.finish(told=False)  # who is there still has not been told to end: the head did not come so far
 
 
 def _run_mpi(
