@@ -77,7 +77,7 @@ def start(*arguments: object, launcher: tuple[str, ...] = (), stdin: IO[str] | N
         text=True,
         env=environment(),
         start_new_session=True,
-        preexec_fn=_as_in_a_terminal,
+        preexec_fn=as_in_a_terminal,
     )
 
 
@@ -94,7 +94,7 @@ def session_of(leader: int) -> list[int]:
     return [number for _, number in sorted(found)]
 
 
-def _as_in_a_terminal() -> None:
+def as_in_a_terminal() -> None:
     """Ctrl-C and a hang-up end a process, also where the tests run in the background, which ignores both."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)

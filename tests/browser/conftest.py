@@ -54,6 +54,7 @@ class Source(threading.Thread):
     port: int = 0
     received: list[dict[str, Any]] = field(default_factory=list)
     lost_rank: bool = False
+    busy_rank: bool = False
     views: tuple[str, ...] = ("main",)
     tokens: bool = False
     offered: tuple[ParameterState, ...] = ()
@@ -149,6 +150,7 @@ class Source(threading.Thread):
                 dropped=3 * k,
                 alive=not (self.lost_rank and k == 1),
                 memory_mb=150.0,
+                busy_s=4.0 * (self.busy_rank and k == 1),
             )
             for k, p in enumerate(self.wall.panels)
         )

@@ -170,8 +170,13 @@ def test_sampler_buttons_show_and_choose_the_sampler(page, source):
 
 
 def test_table_and_latency_say_what_the_status_says(page, source):
-    source.lost_rank = True
-    find(page, "#ranks tr.lost")
+    source.busy_rank = True
+    find(page, "#ranks tr[title*=busy]")
+    row = page.locator("#ranks tr").nth(1).inner_text()
+    assert " ".join(row.split()).startswith("2 r0c1 busy 4.0 s ")
+    assert page.inner_text("#ranks-note") == "1 of 4 busy"
+    source.busy_rank, source.lost_rank = False, True
+    find(page, "#ranks tr.lost:not([title*=busy])")
     rows = [" ".join(row.split()) for row in page.locator("#ranks tr").all_inner_texts()]
     assert rows[0] == "1 r0c0 1.25 M 9.50 M 200 ms 0 150 MB"
     assert rows[1] == "2 r0c1 lost 1.25 M 9.50 M 200 ms 3 150 MB"

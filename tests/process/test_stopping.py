@@ -8,12 +8,13 @@ import signal
 import socket
 import subprocess
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from rich.table import Table
-from running import mpirun, panels, session_of, start, summary, until_written, wall, write_config
+from running import mpirun, page_of, panels, session_of, shown, start, summary, until_written, wall, write_config
 
 from wall.commands.replay import replay
 
@@ -253,6 +254,36 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
     assert found["ended"] == "terminated"
     assert found["ranks"][2]["samples_traced"] > 0
     assert panels(tmp_path / "out")[1].std() > 10
+    assert set(os.listdir("/dev/shm")) <= before
+
+
+def samples_of(address: str, rank: int) -> int:
+    """How many samples a rank of the run with this page has traced, as far as the head has heard."""
+    with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
+        return int(json.load(answer)["totals"][rank]["samples"])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_a_signal_to_mpirun_leaves_all_results(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]], number: signal.Signals
+) -> None:
+    config, out, before = write_config(tmp_path, path=ORBIT), tmp_path / "out", set(os.listdir("/dev/shm"))
+    config.write_text(config.read_text().replace("sinks: [png]", "sinks: [browser, png]"))
+    run = running("run", config, "--out", out, launcher=mpirun(2))
+    address, limit = page_of(run), time.monotonic() + START_LIMIT_S
+    while shown(address).std() <= 10 or samples_of(address, rank=1) <= 64 * 48:
+        assert time.monotonic() < limit
+        wait_a_little()
+    os.kill(run.pid, number)
+    until_gone(run)
+    # by the process that writes the results, which is not of the session
+    until_written(out / "summary.json", "terminated", STOP_LIMIT_S)
+
+    found = summary(out)
+    assert found["ranks"][1]["samples_traced"] > 64 * 48
+    assert panels(out)[0].std() > 10
+    assert {path.name for path in out.iterdir()} == {"log", "panel-r0c0.png", "summary.json", "wall.png"}
     assert set(os.listdir("/dev/shm")) <= before
 
 

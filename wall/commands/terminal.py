@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import errno
 import os
 import re
 import socket
@@ -208,7 +209,8 @@ def readably(run: Callable[[], object]) -> None:
         sys.stdout = None
         sys.exit(FAILED)
     except OSError as error:  # of this machine: no descriptor, no memory, no disk is left
-        fail(str(error))
+        full = error.errno in (errno.EMFILE, errno.ENFILE)
+        fail(f"{error}{'; wanted: more open files (ulimit -n)' * full}")
     except KeyboardInterrupt:
         fail("interrupted")
     finally:

@@ -76,11 +76,21 @@ class TransportConfig(Model):
     lost_after_s: Annotated[Number, Ge(0.1), Le(600.0)] = Field(
         default=2.0, description="seconds of silence that mean a rank is lost"
     )
+    ends_after_s: Annotated[Number, Ge(1.0), Le(86400.0)] | None = Field(
+        default=None,
+        description="seconds of silence of all renderers after which the run ends, at least lost_after_s; left out: it "
+        "waits for them, and ends where all are known to be dead",
+    )
     restarts: Annotated[int, Ge(0), Le(1000)] = Field(
         default=3,
         description="how often in a minute a rank that dies is started again; after that it stays dead until the first "
         "of these starts is a minute old; not under MPI",
     )
+
+    @property
+    def longest_silence_s(self) -> float:
+        """Seconds for which all renderers may be silent; infinite where they are waited for."""
+        return math.inf if self.ends_after_s is None else max(self.ends_after_s, self.lost_after_s)
 
     @property
     def encrypted(self) -> bool:

@@ -94,6 +94,7 @@ class RankStatus:
     dropped: int
     alive: bool
     memory_mb: float  # now
+    busy_s: float = 0.0  # it is heard of, but one piece of work has held it up for so long
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

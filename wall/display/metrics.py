@@ -113,5 +113,8 @@ def _ranks(status: Status) -> Iterator[str]:
     ages = (({"rank": r.rank}, r.oldest_sample_s) for r, _ in ranks if r.oldest_sample_s is not None)
     says = "Age of the oldest sample that is shown of the rank's region."
     yield _family("wall_rank_oldest_sample_age_seconds", "gauge", says, ages)
+    busy = (({"rank": r.rank}, r.busy_s) for r, _ in heard)
+    says = "Time for which one piece of work has held up a rank that is heard of."
+    yield _family("wall_rank_busy_seconds", "gauge", says, busy)
     dropped = (({"rank": r.rank, "reason": why}, n) for r, t in heard for why, n in sorted(t.dropped.items()))
     yield _family("wall_rank_dropped_total", "counter", "What the rank has dropped, by reason.", dropped)

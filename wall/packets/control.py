@@ -11,6 +11,7 @@ import json
 import math
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -30,6 +31,7 @@ KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIN
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
 KIND_PREPARE, KIND_PREPARED, KIND_ADOPT, KIND_NOTE, KIND_JOIN_REQUEST, KIND_JOIN_ANSWER, KIND_LEAVE = range(18, 25)
+KIND_ALIVE = 25
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters; of a JoinAnswer
@@ -38,6 +40,7 @@ ALL_BUT_OBJECTS = ""  # a pattern of parameters' names
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
+KIND_AT = 5  # byte of the header
 _EVENT = struct.Struct("<HQQdd3d9d3fB31p31pBdQ")  # then the edits
 
 
@@ -105,6 +108,17 @@ class Heartbeat:
     costs: dict[str, int] = field(default_factory=dict)  # by layer: of its region, in any unit; {}: not measured yet
     updates_shown: int = 0  # of the scene, in images that this renderer makes
     updates_shared: int = 0  # of them, those that several of its views have shown
+    works: bool = False  # a renderer: there is something to trace
+    busy_s: float = 0.0  # since its loop said this: the manager adds what Alive says
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alive:
+    """A rank lives whose loop is held up, by a batch, a refresh or a compiler: all is as its last Heartbeat said."""
+
+    rank: int
+    time: float  # seconds of the head's clock
+    busy_s: float  # since its last Heartbeat, as long as its process ran
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +226,7 @@ class Adopt:
 
 
 Message: TypeAlias = (
-    Event | FrameletPart | Hello | Heartbeat | Membership | Ping | Pong | Statistics | StatisticsImage
+    Event | FrameletPart | Hello | Heartbeat | Alive | Membership | Ping | Pong | Statistics | StatisticsImage
     | Stop | WindowInput | EditRequest | EditAnswer | Selection | Assignment | Prepare | Prepared | Adopt | Note
     | JoinRequest | JoinAnswer | Leave
 )  # fmt: skip
@@ -236,6 +250,7 @@ _JSON_KINDS: dict[int, type[Any]] = {
     KIND_JOIN_REQUEST: JoinRequest,
     KIND_JOIN_ANSWER: JoinAnswer,
     KIND_LEAVE: Leave,
+    KIND_ALIVE: Alive,
 }
 _MAX_BYTES: dict[type[Any], int] = {
     Membership: MAX_MEMBERSHIP_BYTES,
@@ -245,7 +260,7 @@ _MAX_BYTES: dict[type[Any], int] = {
     Prepare: MAX_CONFIGURATION_BYTES,
 }
 _NOT_BELOW_0 = ["samples_per_s", "compared_per_s", "bytes_per_s", "seconds", "cpu_seconds", "square_error"]
-_NOT_BELOW_0 += ["refreshes_per_s", "right_s"]
+_NOT_BELOW_0 += ["refreshes_per_s", "right_s", "busy_s"]
 
 
 def serialise(message: Message) -> bytes:
@@ -275,6 +290,19 @@ def parse_control(data: bytes | memoryview) -> Message:
     if length != came or _checksum(data[: _HEADER.size], kind, body, rest) != checksum:
         raise RemoteProtocolError(f"message of kind {kind}: {came} bytes of {length}, or a checksum that differs")
     return _parse_body(kind, body, rest)
+
+
+def maker_of(data: bytes, ranks: Sequence[int]) -> int | None:
+    """The rank whose a framelet or a renderer's statistics image is; `ranks`: of the graph's steps.
+
+    None for other messages, and for what names no step, or is too short: parse_control() refuses it.
+    """
+    if len(data) < HEADER_BYTES + 2 or data[: len(MAGIC)] != MAGIC:
+        return None
+    kind, number = data[KIND_AT], int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 2], "little")
+    if kind == KIND_STATISTICS_IMAGE:
+        return number or None  # 0: of a compositor, for the head, which does not say whose it is
+    return ranks[number] if kind == KIND_FRAMELET and number < len(ranks) else None
 
 
 def _checksum(head: bytes | memoryview, kind: int, body: bytes, data: bytes | memoryview) -> int:
@@ -353,8 +381,9 @@ def _parse_json(cls: Any, body: bytes) -> Message:
     if cls is Membership and isinstance(values, dict) and isinstance(values.get("members"), list):
         values["members"] = tuple(checked(Hello, member) for member in values["members"])
     message: Message = checked(cls, values)
-    if isinstance(message, Heartbeat) and (below := [name for name in _NOT_BELOW_0 if getattr(message, name) < 0.0]):
-        raise RemoteProtocolError(f"a Heartbeat of rank {message.rank} with {', '.join(below)} below 0")
+    below = [field for field in _NOT_BELOW_0 if getattr(message, field, 0.0) < 0.0]
+    if isinstance(message, Heartbeat | Alive) and below:
+        raise RemoteProtocolError(f"a {name} of rank {message.rank} with {', '.join(below)} below 0")
     if isinstance(message, Note) and message.level not in LEVELS:
         raise RemoteProtocolError(f"a Note of level {message.level[:40]!r}; wanted one of {', '.join(LEVELS)}")
     return message

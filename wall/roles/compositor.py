@@ -248,7 +248,7 @@ class Compositor:
                 oldest[layer.index] = max(0.0, now - beat.oldest_sample_at)
         status = status_of(
             self._plan, event, self._beats, self.standing.members, self.latency,
-            seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
+            now=now, seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
             parameters=self._states_under(event), bookmarks=self._bookmarks, gone=self._gone,
             view_samplers=tuple("" if view.event is None else view.event.sampler for view in self._views),
         )  # fmt: skip

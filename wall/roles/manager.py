@@ -41,13 +41,12 @@ from wall.roles.instructions import (
     TrackerStrangers,
 )
 from wall.roles.joining import Joining, grown
-from wall.roles.membership import Register
+from wall.roles.membership import Register, SignOfLife
 from wall.roles.plan import HEAD, Plan, window_ranks
 from wall.roles.reloading import Asked, Reloading
 from wall.roles.updates import EditsTaken
 
 NO_RENDERER = "no renderer is left"
-SILENT_S = 60.0  # all renderers may be for so long: a machine that swaps or a switch that restarts is no death
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 SETTLED_S = 0.4  # a complete image that has not changed for this long is final
 REPEAT_S = 0.5  # events are said again, at the latest
@@ -151,7 +150,7 @@ class Manager:
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in messages of ranks, input of users, news of the launcher."""
         try:
-            if isinstance(message, Hello | Heartbeat | Note | Prepared):
+            if isinstance(message, Hello | SignOfLife | Note | Prepared):
                 self._check_rank(message.rank)
             if isinstance(message, Hello):
                 self.joining.check(message)
@@ -163,10 +162,11 @@ class Manager:
                     yield Send(message.rank, self.balancer.assignment)
                 if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
                     yield Send(message.rank, Stop(reason=self.ended))
-            elif isinstance(message, Heartbeat):
-                self.heartbeats[message.rank] = message
-                self.register.hear(message.rank, now)
-                yield Send(HEAD, message)
+            elif isinstance(message, SignOfLife):
+                known = self.register.hear(message, self.heartbeats.get(message.rank), now)
+                if known is not None:
+                    self.heartbeats[message.rank] = known
+                    yield Send(HEAD, known)
             elif isinstance(message, WindowInput):
                 before = self._commands.selection
                 yield from self._take_input(message, now)
@@ -356,8 +356,7 @@ class Manager:
 
     def _why_over(self, now: float) -> str:
         """Why the run is to end, "" as long as it is not."""
-        longest = max(SILENT_S, self._layout.config.transport.lost_after_s)
-        if self.register.silence(self._layout.renderers(), now) > longest:
+        if self.register.silence(self._layout.renderers(), now) >= self._layout.config.transport.longest_silence_s:
             return NO_RENDERER
         if self.escape:
             return self.escape

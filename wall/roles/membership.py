@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TypeAlias
 
 from wall.config.schema import TransportConfig
-from wall.packets.control import Heartbeat, Hello, Membership
+from wall.packets.control import Alive, Heartbeat, Hello, Membership
 from wall.packets.notes import Note, note_of
 from wall.roles.instructions import MANAGER, Broadcast, Connect, Died, Finish, Instruction, Send
 from wall.roles.plan import HEAD
@@ -22,6 +24,7 @@ PAUSE_S = 0.5  # the manager never waits so long by itself: what it did not list
 NOT_YET = "has not come yet"  # how a place is lost that is new
 MOST_NOTES = 256  # that wait to be told; of more the newest
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a message of the manager, then a rank ends itself
+SignOfLife: TypeAlias = Heartbeat | Alive
 
 
 class Register:
@@ -31,6 +34,7 @@ class Register:
         self.members: dict[int, Hello] = {}
         self.lost: dict[int, str] = {}  # ranks that died or are silent: how
         self.silences: dict[int, float] = {}  # the longest that a rank was silent, beyond lost_after_s
+        self.busy: dict[int, float] = {}  # the longest that the loop of one that lived was held up, seconds
         self.restarts: dict[int, list[str]] = {}  # by rank: how those died in whose place another came
         self.news: list[Note] = []  # to be told
         self._notes: deque[Note] = deque(maxlen=MOST_NOTES)  # for the head's process
@@ -40,7 +44,9 @@ class Register:
         self._here: set[int] = set()  # ranks that have joined
         self._coming: set[int] = set()  # of those: those that were started again
         self._heard, self._began = dict.fromkeys(range(1, size), now), now  # by rank: when it gave a sign of life
-        self._absent: dict[int, float] = {}  # ranks that are not heard of any more: since when
+        self._advanced: dict[int, float] = {}  # by rank: when it last had traced more, or nothing was to be traced
+        self._stuck: set[int] = set()  # ranks that were told of, since that is long ago
+        self._absent: dict[int, float] = {}  # ranks that are not heard of any more, or stuck: since when
         self._marked_s: dict[int, float] = {}  # by rank: for how long that was so before
         self._due = math.inf  # when the list is to be broadcast
         self._watched = now
@@ -90,6 +96,7 @@ class Register:
             self._died.discard(hello.rank)
             self._coming.discard(hello.rank)
             how, self._heard[hello.rank] = self.lost.pop(hello.rank), now
+            self._advanced.pop(hello.rank, None)
             if hello.rank < self._size:
                 self.restarts.setdefault(hello.rank, []).append(how)
             if hello.rank in self._promised:
@@ -107,9 +114,15 @@ class Register:
             self._due = min(self._due, now + GATHER_S)
         return returns
 
-    def hear(self, rank: int, now: float) -> None:
-        """A rank gave a sign of life."""
-        self._heard[rank] = now
+    def hear(self, sign: SignOfLife, before: Heartbeat | None, now: float) -> Heartbeat | None:
+        """A rank gave a sign of life. Returns what it says by now; `before`: what it said before, if that is known."""
+        self._heard[sign.rank] = now
+        if isinstance(sign, Heartbeat):
+            if before is None or not sign.works or sign.samples_traced != before.samples_traced:
+                self._advanced[sign.rank] = now
+            return sign
+        self.busy[sign.rank] = max(self.busy.get(sign.rank, 0.0), sign.busy_s)
+        return None if before is None else replace(before, time=max(before.time, sign.time), busy_s=sign.busy_s)
 
     def bury(self, death: Died, now: float) -> None:
         """A rank's process has ended; one that is started again is missed until it says Hello."""
@@ -127,12 +140,15 @@ class Register:
         """Notice ranks that fell silent, or speak again; after a pause of the manager their messages still wait."""
         pause, self._watched = now - self._watched, now
         if pause > PAUSE_S:
-            self._heard = {rank: min(heard + pause, now) for rank, heard in self._heard.items()}
+            for times in (self._heard, self._advanced):
+                times.update({rank: min(time + pause, now) for rank, time in times.items()})
         late, marked_after_s = set[int](), transport.marked_after_s
         for rank, heard in self._heard.items():
-            silence = now - heard
-            if silence > marked_after_s:
+            silence, stuck_s = now - heard, now - self._advanced.get(rank, heard)
+            stuck = stuck_s > max(transport.lost_after_s, marked_after_s)
+            if silence > marked_after_s or stuck:
                 late.add(rank)
+            self._tell_stuck(rank, stuck_s if stuck and silence <= marked_after_s else 0.0)
             if silence > transport.lost_after_s:
                 self.silences[rank] = max(self.silences.get(rank, 0.0), silence)
                 if rank not in self.lost:
@@ -142,6 +158,14 @@ class Register:
                 del self.lost[rank]  # it was only late
                 self.news.append(note_of(rank, "warning", "is heard again"))
         self._see_absent(late | self.lost.keys(), now)
+
+    def _tell_stuck(self, rank: int, stuck_s: float) -> None:
+        """Tell of a rank that lives and has made nothing new for so long; 0: it is not so."""
+        if stuck_s and rank not in self._stuck and rank not in self.lost:
+            self._stuck.add(rank)
+            self.news.append(note_of(rank, "warning", f"lives, but has made nothing new for {stuck_s:.1f} s"))
+        elif not stuck_s:
+            self._stuck.discard(rank)
 
     def _see_absent(self, absent: set[int], now: float) -> None:
         """Know who is not heard of; the membership tells it at once."""

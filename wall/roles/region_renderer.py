@@ -118,6 +118,10 @@ class RegionRenderer:
         """Whether it has traced as many samples by now as its layer may have."""
         return now < self._waits_until
 
+    def has_work(self, now: float) -> bool:
+        """Whether something is there to trace now, for all that is known."""
+        return (not self._all_rest() or bool(self._lost)) and not self.waits(now)
+
     def has_credit(self, ready: Ready) -> bool:
         """Whether what is traced would be sent at once."""
         return self.image is not None or ready(self.target)

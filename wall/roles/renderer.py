@@ -59,6 +59,7 @@ class Renderer:
         self._events: dict[int, Event] = {}  # by view: the newest
         self._assigned: tuple[int, tuple[Region, ...]] | None = None  # the newest assignment, not followed yet
         self._bad_messages = 0
+        self._found_nothing = False  # a worker did, to trace, since the last heartbeat
         self._followed = 0  # number of the assignment whose regions these are
         self._past, self._past_seconds = Work(), 0.0  # done for regions before, and in what time
         targets = {layer.compositor for layer in layout.graph.layers} if layout.strips else {r.target for r in own}
@@ -95,6 +96,7 @@ class Renderer:
         """Take in the newest event, what a worker has traced, what was dropped, who is in the run."""
         if isinstance(message, Traced):
             region = self._region_of[message.worker]
+            self._found_nothing |= message.result is None
             for packet in region.take(message, now):
                 yield from self._sent.counted([Offer(region.target, packet)])
             yield from self._tell_completeness(now)
@@ -255,6 +257,8 @@ class Renderer:
         dropped = shown.drops() if shown is not None else Counter[str]()
         dropped += Counter(not_finite=done.bad_samples, too_bright=done.too_bright, bad_message=self._bad_messages)
         samples_of, time_of, refreshes_of = self._of_views()
+        works = any(region.has_work(now) for region in self.regions) and not self._found_nothing
+        self._found_nothing = False
         return Heartbeat(
             rank=self._rank,
             time=now,
@@ -286,4 +290,5 @@ class Renderer:
             costs=self._costs(),
             updates_shown=image.updates.shown if image is not None else 0,
             updates_shared=image.updates.shared if image is not None else 0,
+            works=works,
         )

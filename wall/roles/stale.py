@@ -1,4 +1,4 @@
-"""Which parts of the wall get nothing new, since the ranks that make them are not heard of."""
+"""Which parts of the wall get nothing new, since the ranks that make them are not heard of or stuck."""
 
 from __future__ import annotations
 

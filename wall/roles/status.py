@@ -85,6 +85,7 @@ def status_of(
     members: Mapping[int, Hello],
     latency: Latency,
     *,
+    now: float,
     seconds: float,
     refreshes_per_s: float,
     oldest: Mapping[int, float | None],
@@ -95,8 +96,8 @@ def status_of(
 ) -> Status:
     """What sinks may show of the run.
 
-    `seconds`: since it began; `oldest`: age of the oldest sample shown, by layer; `gone`: ranks
-    that were in the run, and are not heard of.
+    `now`: seconds of the head's clock; `seconds`: since it began; `oldest`: age of the oldest sample shown, by layer;
+    `gone`: ranks that were in the run, and are not heard of.
     """
     renderers = [beat for rank, beat in beats.items() if plan.layout.role(rank) == "renderer"]
     recent = list(latency.seconds)[-RECENT_LATENCIES:]
@@ -113,7 +114,7 @@ def status_of(
         samplers=samplers_of(plan),
         compare=event.compare,
         compared_per_s=sum(beat.compared_per_s for beat in beats.values()),
-        ranks=tuple(_rank_status(layout, k, beats.get(k), oldest, known=k in members) for k in range(layout.size)),
+        ranks=tuple(_rank_status(layout, k, beats.get(k), oldest, now, known=k in members) for k in range(layout.size)),
         latency_ms=latency_ms,
         latencies_ms=tuple(1000.0 * s for s in recent),
         refreshes_per_s=refreshes_per_s,
@@ -131,7 +132,7 @@ def status_of(
 
 
 def _rank_status(
-    layout: Layout, rank: int, beat: Heartbeat | None, oldest: Mapping[int, float | None], *, known: bool
+    layout: Layout, rank: int, beat: Heartbeat | None, oldest: Mapping[int, float | None], now: float, *, known: bool
 ) -> RankStatus:
     alive, beat = known and beat is not None, beat or Heartbeat(rank=rank, time=0.0)
     renders = layout.role(rank) == "renderer"
@@ -148,6 +149,7 @@ def _rank_status(
         dropped=sum(beat.dropped.values()),
         alive=alive,
         memory_mb=beat.memory / 2**20,
+        busy_s=beat.busy_s if now - beat.time <= layout.config.transport.lost_after_s else 0.0,
     )
 
 
@@ -223,6 +225,11 @@ def summary_of(
         "dropped": dict(sorted(dropped.items())),
         "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(compositor.latency.seconds)), strict=True)),
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.register.silences.items())},
+        "busy_s": {
+            str(rank): round(s, 2)
+            for rank, s in sorted(manager.register.busy.copy().items())
+            if s > layout.config.transport.lost_after_s
+        },
         "stale_s": {str(rank): round(s, 2) for rank, s in manager.register.marked_s(now).items()},
         "restarts": {str(rank): how for rank, how in sorted(manager.register.restarts.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.register.missed(beats).items())},

@@ -66,6 +66,26 @@ def announced(folder: Path, control: Control) -> Iterator[None]:
                     path.unlink()
 
 
+@contextmanager
+def claimed(folder: Path) -> Iterator[None]:
+    """While inside, no other wall writes to `folder`, which is there. Raises RunError where one does.
+
+    A wall locks first and looks then: of two that start at once one is refused before it has written anything.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise _taken(folder) from None
+        except OSError:
+            pass  # a file system without locks of folders, such as NFS: the file's lock has to do
+        check_free(folder)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def check_free(folder: Path) -> None:
     """Raises RunError where a wall that still runs writes to the folder: its file is locked."""
     try:
@@ -73,12 +93,19 @@ def check_free(folder: Path) -> None:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             return
     except BlockingIOError:
-        there = read(folder)
+        raise _taken(folder) from None
     except OSError:
         return  # no such file, or no locks
-    raise RunError(
-        f"{folder}: another wall writes its results there (process {there.pid} on {there.host}); wanted: another "
-        "--out, or the end of that wall"
+
+
+def _taken(folder: Path) -> RunError:
+    """That a wall writes to a folder; one that has just begun has not said yet who it is."""
+    who = ""
+    with contextlib.suppress(RunError):
+        there = read(folder)
+        who = f" (process {there.pid} on {there.host})"
+    return RunError(
+        f"{folder}: another wall writes its results there{who}; wanted: another --out, or the end of that wall"
     )
 
 

@@ -9,6 +9,7 @@ import os
 import socket
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,7 +32,7 @@ from wall.roles.plan import (
 from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
-from wall.run.control_file import check_free
+from wall.run.control_file import check_free, claimed
 from wall.run.first_look import dark_views
 from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
@@ -56,9 +57,10 @@ def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Ca
     layout = make_layout(loaded)
     check_files(layout)
     check_folder(options.out)
-    if options.record is not None and mpi_rank() == HEAD:
-        check_unused(options.record)
-    return _run_mpi(layout, options, say, opened) if under_mpi() else _run_local(layout, options, say, opened)
+    with claimed(options.out) if mpi_rank() == HEAD else nullcontext():
+        if options.record is not None and mpi_rank() == HEAD:
+            check_unused(options.record)
+        return _run_mpi(layout, options, say, opened) if under_mpi() else _run_local(layout, options, say, opened)
 
 
 def check_folder(folder: Path) -> None:
@@ -100,7 +102,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
     try:
         return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)
     finally:
-        bootstrap.finish()
+        bootstrap.finish(told=False)  # who is there still has not been told to end: the head did not come so far
 
 
 def _run_mpi(

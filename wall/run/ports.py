@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
 from wall.packets.control import (
     EditAnswer,
     EditRequest,
+    Heartbeat,
     Hello,
     Membership,
     Message,
     Ping,
     Pong,
     Stop,
+    maker_of,
     parse_control,
     serialise,
 )  # fmt: skip
@@ -25,6 +27,7 @@ from wall.packets.notes import Level, note_of
 from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.roles.plan import HEAD
+from wall.run.beater import Beater
 from wall.run.clock import HeadClock
 from wall.transport.base import FIRST_CLIENT, GUEST, MAX_CONTROL, PAGE, Hub, Link
 from wall.transport.curve import Keys, is_key
@@ -43,21 +46,27 @@ class Ports:
 
     def __init__(
         self, rank: int, clock: HeadClock, *, hub: Hub | None, manager: Link | None = None, ping_s: float | None = None,
-        keys: Keys | None = None,
+        keys: Keys | None = None, heartbeat_s: float | None = None,
     ) -> None:  # fmt: skip
         """`manager`: None for the manager itself. `ping_s`: between pings, None where the head's clock is also ours.
 
-        `keys`: for links to other ranks, see Keys.
+        `keys`: for links to other ranks, see Keys. `heartbeat_s`: between signs of life that go on while the loop is
+        held up; None: nobody waits for them.
         """
         self._rank, self._clock, self._hub, self._manager, self._ping_s = rank, clock, hub, manager, ping_s
         self._counters = Counter[str]()
         self._links: dict[int, Link] = {}
         self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
         self._senders: dict[int, bytes] = {}  # of samples, by rank: its link
+        self._makers: dict[int, bytes] = {}  # likewise, of framelets
+        self._step_ranks: Sequence[int] | None = None  # by step: the rank that makes its framelets; None: not known
         self._incarnations: dict[int, int] = {}  # of ranks, as the manager says
         self._former: deque[bytes] = deque(maxlen=FORMER)  # links of processes that were ranks, and are not any more
         self._ping_due, self._keys = 0.0, keys
         self.answer_page: Callable[[EditAnswer], None] | None = None  # at the manager: of the page's viewers
+        self._beater: Beater | None = None
+        if manager is not None and heartbeat_s is not None:
+            self._beater = Beater(rank, manager, clock, heartbeat_s)
         self._backlog: deque[Message] = deque(maxlen=MAX_CONTROL)  # came before the head's time was known
 
     def synchronise(self) -> None:
@@ -82,15 +91,21 @@ class Ports:
             yield from self._of_manager(self._manager)
         if self._hub is not None:
             for peer, packet in self._hub.drain(DRAIN_BYTES):
-                rank = sender_of(packet)
-                if rank is None or self._is_bound(self._senders, rank, peer, self._hub):
+                if self._is_of_its_rank(packet, peer, self._hub):
                     yield Packet(packet)
                 self._hub.release(peer, len(packet))
             yield from self._of_ranks(self._hub)
 
+    def expect(self, step_ranks: Sequence[int]) -> None:
+        """From now on take framelets only from the ranks that make them, by step of the graph."""
+        self._step_ranks = step_ranks
+        self._makers.clear()  # who spoke under another graph
+
     def send(self, to: int, message: Message) -> None:
         """Send a message to the manager, or from it to a rank that has spoken."""
         if to == MANAGER and self._manager is not None:
+            if self._beater is not None and isinstance(message, Heartbeat):
+                self._beater.note(last=message.last)
             self._manager.send(serialise(message))
         elif to == PAGE:
             if self.answer_page is not None and isinstance(message, EditAnswer):
@@ -171,6 +186,8 @@ class Ports:
 
     def close(self) -> None:
         """Close all of them, within a bounded time each."""
+        if self._beater is not None:
+            self._beater.close()
         for way in self._ways():
             way.close()
 
@@ -200,7 +217,8 @@ class Ports:
         """Ranks that were started again, or whose place another process has taken, speak by other links."""
         for member in membership.members:
             if self._incarnations.get(member.rank, member.incarnation) != member.incarnation:
-                self._part_with(self._senders.pop(member.rank, None))
+                for peers in (self._senders, self._makers):
+                    self._part_with(peers.pop(member.rank, None))
             self._let_in(member)
             self._incarnations[member.rank] = member.incarnation
 
@@ -222,6 +240,13 @@ class Ports:
                     ours = self._is_bound(self._peers, who, peer, hub)
                 if ours:
                     yield message
+
+    def _is_of_its_rank(self, packet: bytes, peer: bytes, hub: Hub) -> bool:
+        """Whether a packet came from the rank that it names: that has traced its samples, or makes its framelet."""
+        peers, rank = self._senders, sender_of(packet)
+        if rank is None and self._step_ranks is not None:
+            peers, rank = self._makers, maker_of(packet, self._step_ranks)
+        return rank is None or self._is_bound(peers, rank, peer, hub)
 
     def _is_bound(self, peers: dict[int, bytes], rank: int, peer: bytes, hub: Hub) -> bool:
         """Whether a rank, or a process beside the run, speaks by this link.

@@ -110,7 +110,10 @@ def _render(
             events = EventFile(record)
             closing.callback(events.close)
             clock, traced = RecordedClock(head_clock, events), partial(_keep, events)
-            ports = RecordedPorts(hello, head_clock, *_manager_of(plan, bootstrap, address), events, keys=keys)
+            heartbeat_s = plan.layout.config.transport.heartbeat_s
+            ports = RecordedPorts(
+                hello, head_clock, *_manager_of(plan, bootstrap, address), events, keys=keys, heartbeat_s=heartbeat_s
+            )
         closing.callback(ports.close)
 
         def make(plan: Plan, tracer_scene: TracerScene, before: Role | None) -> tuple[Renderer, Tracers]:
@@ -172,6 +175,7 @@ def compositor_loop(
     sink_of = dict(zip((step.node.id for step in plan.layout.graph.sinks_on(rank)), sinks, strict=True))
 
     def make(plan: Plan) -> Compositor:
+        ports.expect([step.rank for step in plan.layout.graph.steps])
         run_all = in_threads(len(plan.layout.graph.layers_on(rank)))
         return Compositor(plan, hello, ports.ready, run_all, ports.shares)
 
@@ -193,7 +197,10 @@ def compositor_loop(
 def ways_of(plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str], clock: HeadClock, hub: Hub | None) -> Ports:
     """A rank's ways to others. Processes of one machine share its monotonic clock and need no pings."""
     manager, ping_s = _manager_of(plan, bootstrap, address)
-    return Ports(bootstrap.rank, clock, hub=hub, manager=manager, ping_s=ping_s, keys=bootstrap.keys)
+    return Ports(
+        bootstrap.rank, clock, hub=hub, manager=manager, ping_s=ping_s, keys=bootstrap.keys,
+        heartbeat_s=plan.layout.config.transport.heartbeat_s,
+    )  # fmt: skip
 
 
 def _manager_of(plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str]) -> tuple[Link, float | None]:

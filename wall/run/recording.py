@@ -76,9 +76,11 @@ class RecordedPorts(Ports):
 
     def __init__(
         self, hello: Hello, clock: HeadClock, manager: Link, ping_s: float | None, events: EventFile,
-        *, keys: Keys | None,
+        *, keys: Keys | None, heartbeat_s: float | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(hello.rank, clock, hub=None, manager=manager, ping_s=ping_s, keys=keys)
+        super().__init__(
+            hello.rank, clock, hub=None, manager=manager, ping_s=ping_s, keys=keys, heartbeat_s=heartbeat_s
+        )
         self._events = events
         events.message(serialise(hello))
 

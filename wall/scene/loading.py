@@ -147,9 +147,10 @@ def _parsed(path: Path) -> tuple[Any, dict[str, Any]]:
         data, header = renamed(path)
         check_read(header)
         return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=beside, process=False), header
-    if kind != "obj":
-        return trimesh.load_scene(path, process=False), {}
-    text = io.StringIO(read_file(path, MOST_BYTES).decode("utf-8", "replace"))
+    data = read_file(path, MOST_BYTES)
+    if kind != "obj":  # of a whole path trimesh takes the kind and the object's name
+        return trimesh.load_scene(io.BytesIO(data), file_type=str(path), resolver=beside, process=False), {}
+    text = io.StringIO(data.decode("utf-8", "replace"))
     return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True), {}
 
 

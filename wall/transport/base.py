@@ -4,7 +4,7 @@ Data flows from link to hub and is paid for with credit: a link may have so many
 when the hub's owner has consumed a packet. So nothing queues up, and what is sent is the freshest there is. Control
 messages are small, flow both ways and need no credit. Nothing here knows what the bytes mean.
 
-Each end belongs to one thread.
+Each end belongs to one thread; another one may send by a link, see `send_beside`.
 """
 
 from __future__ import annotations
@@ -75,6 +75,10 @@ class Link(ABC):
     @abstractmethod
     def send(self, message: bytes) -> None:
         """Send a control message. Never blocks."""
+
+    def send_beside(self, message: bytes) -> None:
+        """Send a control message; another thread than the link's may do so, also while the link is closed."""
+        self.send(message)
 
     @abstractmethod
     def receive(self) -> list[bytes]:

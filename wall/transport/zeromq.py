@@ -1,4 +1,4 @@
-"""ZeroMQ: DEALER links to a ROUTER hub. With curve.py the only file that imports zmq.
+"""ZeroMQ: DEALER links to a ROUTER hub. With curve.py and sockets.py the only file that imports zmq.
 
 Messages have two parts: a tag (data, control, ask, grant, ...) and a body. ROUTER_MANDATORY makes a vanished peer an
 error that is counted instead of a silent drop; ZMTP heartbeats close connections to frozen hosts. Between processes of
@@ -7,9 +7,9 @@ one machine a large packet goes through shared memory, and only its place there 
 
 from __future__ import annotations
 
-import contextlib
 import os
 import struct
+import threading
 import time
 from collections import Counter, deque
 from collections.abc import Sequence
@@ -23,13 +23,11 @@ from wall.transport.base import MAX_CONTROL, MAX_CONTROL_BYTES, MAX_MESSAGE_BYTE
 from wall.transport.credit import HubCredit
 from wall.transport.curve import Gatekeeper, Keys, holder
 from wall.transport.shared_memory import OTHER_MACHINE, REFERENCE, RingReader, RingWriter
+from wall.transport.sockets import bind_to, open_socket, receive, send
 
 DATA, CONTROL, ASK, GRANT, BYE = b"D", b"C", b"A", b"G", b"B"
 MEMORY, PLACED = b"M", b"P"  # memory to share, and what became of it; a packet that lies there
 SMALLEST_PLACED = 4096  # bytes: smaller packets are sent as fast
-LINGER_MS = 200  # for the last words of a socket that is closed
-HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000  # of ZMTP; machines with more ranks than cores are late by seconds
-HANDSHAKE_MS = 4_000  # for a connection to say who it is: one that does not is closed; ours tries again
 ASK_AGAIN_S = 1.0  # a link without credit for so long asks again
 MAX_PEERS = 4096
 MAX_TAKEN = 4096  # messages taken in at once: a flood of tiny ones cannot hold the caller
@@ -41,31 +39,18 @@ _PLACE = struct.Struct("<QQQ")  # token of the memory, position, size
 _ANSWER = struct.Struct("<QB")  # token, whether it is open at the hub; then, unless it can be tried again, why not
 
 
-def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[bytes]:
-    """A socket with our limits. Raises RunError where this process has none left."""
-    try:
-        socket = context.socket(kind)
-    except zmq.ZMQError as error:
-        context.term()
-        raise RunError(f"no socket can be had: {error}; wanted: more open files (ulimit -n)") from error
-    socket.setsockopt(zmq.LINGER, LINGER_MS)
-    socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
-    socket.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
-    socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
-    socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
-    socket.setsockopt(zmq.RECONNECT_IVL, 50)
-    socket.setsockopt(zmq.RECONNECT_IVL_MAX, 1000)
-    return socket
-
-
 class ZmqLink(Link):
-    """Belongs to the thread that made it."""
+    """Belongs to the thread that made it. Another one may `send_beside`: the socket is used under a lock.
+
+    A socket may go from thread to thread where a memory barrier lies between, as a lock is, https://api.zeromq.org/4-3:zmq.
+    """
 
     def __init__(self, endpoint: str, *, rank: int, keys: Keys | None = None, to: int = 0) -> None:
         """`keys`: what is sent is encrypted, and the hub has to be that of rank `to`. None: neither."""
         super().__init__()
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._socket = _socket(self._context, zmq.DEALER)
+        self._lock = threading.Lock()
+        self._socket = open_socket(self._context, zmq.DEALER)
         self._socket.setsockopt(zmq.ROUTING_ID, b"rank %d " % rank + os.urandom(8).hex().encode())
         if keys is not None:
             keys.unlock(self._socket, to)
@@ -124,6 +109,12 @@ class ZmqLink(Link):
             self.counters["control_overflow"] += 1
         self._flush_control()
 
+    def send_beside(self, message: bytes) -> None:
+        """Sends a control message past those that wait, or drops it."""
+        with self._lock:
+            if not self._socket.closed:
+                send(self._socket, (CONTROL, message))
+
     def receive(self) -> list[bytes]:
         """Takes all control messages that arrived."""
         self._pump()
@@ -134,19 +125,21 @@ class ZmqLink(Link):
     def wait(self, seconds: float) -> None:
         """Waits up to `seconds` for a control message."""
         if not self._messages:
-            self._socket.poll(max(0, round(seconds * 1000)), zmq.POLLIN)
+            with self._lock:
+                self._socket.poll(max(0, round(seconds * 1000)), zmq.POLLIN)
 
     def close(self) -> None:
         """Says goodbye to the hub and closes the socket."""
         if not self._socket.closed:
             self._flush_control()
             self._put(BYE, b"")
-            self._socket.close()
+            with self._lock:
+                self._socket.close()
             self._context.term()
             self._drop_ring()
 
     def _pump(self) -> None:
-        while (parts := _receive(self._socket)) is not None:
+        while (parts := self._receive()) is not None:
             if len(parts) == 2 and parts[0] == CONTROL:
                 _keep(self._messages, parts[1], self.counters)
             elif len(parts) == 2 and parts[0] == GRANT and len(parts[1]) == _GRANT.size:
@@ -159,6 +152,10 @@ class ZmqLink(Link):
         self._flush_control()
         if not self.credit.ready and time.monotonic() - self._asked > ASK_AGAIN_S:
             self._ask()
+
+    def _receive(self) -> list[bytes] | None:
+        with self._lock:
+            return receive(self._socket)
 
     def _ask(self) -> None:
         self._asked = time.monotonic()
@@ -176,11 +173,8 @@ class ZmqLink(Link):
         return self._put(PLACED, _PLACE.pack(ring.token, self.credit.sent, size))
 
     def _put(self, tag: bytes, body: bytes) -> bool:
-        try:
-            self._socket.send_multipart((tag, body), zmq.NOBLOCK)
-        except zmq.Again:
-            return False
-        return True
+        with self._lock:
+            return send(self._socket, (tag, body))
 
 
 class ZmqHub(Hub):
@@ -197,7 +191,7 @@ class ZmqHub(Hub):
         """
         super().__init__(credit_bytes=credit_bytes)
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._socket = _socket(self._context, zmq.ROUTER)
+        self._socket = open_socket(self._context, zmq.ROUTER)
         self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
         self._socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
         for network in let_in(allow, bind) if allow else ():
@@ -207,7 +201,7 @@ class ZmqHub(Hub):
             self._gatekeeper = Gatekeeper(self._context, keys)
             keys.lock(self._socket)
         try:
-            port = _bind(self._socket, bind, ports)
+            port = bind_to(self._socket, bind, ports)
         except RunError:
             self._socket.close()
             self._context.term()
@@ -238,11 +232,14 @@ class ZmqHub(Hub):
 
     def wait(self, seconds: float, link: Link | None = None) -> None:
         """Waits up to `seconds` for a packet or message, here or at `link`."""
-        sockets = [(self._socket, zmq.POLLIN)]
-        if isinstance(link, ZmqLink):
-            sockets.append((link._socket, zmq.POLLIN))
-        if not (self._data or self._messages or (isinstance(link, ZmqLink) and link._messages)):
-            zmq.zmq_poll(sockets, max(0, round(seconds * 1000)))
+        if self._data or self._messages:
+            return
+        own, limit_ms = (self._socket, zmq.POLLIN), max(0, round(seconds * 1000))
+        if not isinstance(link, ZmqLink):
+            zmq.zmq_poll([own], limit_ms)
+        elif not link._messages:
+            with link._lock:
+                zmq.zmq_poll([own, (link._socket, zmq.POLLIN)], limit_ms)
 
     def close(self) -> None:
         """Closes the socket."""
@@ -284,7 +281,7 @@ class ZmqHub(Hub):
     def _receive(self) -> list[bytes] | None:
         """The next message, None where there is none; empty for one by another key than its peer's first."""
         if not self._locked:
-            return _receive(self._socket)
+            return receive(self._socket)
         try:
             first = self._socket.recv(zmq.NOBLOCK, copy=False)
         except zmq.Again:
@@ -360,29 +357,6 @@ class ZmqHub(Hub):
                 raise
             self._forget(peer)  # it says hello again if it comes back
             self.counters["peer_gone"] += 1
-
-
-def _bind(socket: zmq.Socket[bytes], bind: str, ports: tuple[int, int] | None) -> int:
-    """Listen on an address, at the first port of a range that is free. Returns the port. Raises RunError."""
-    first, last = ports or (0, 0)
-    for port in range(first, last + 1):
-        try:
-            socket.bind(f"tcp://{bind}:{port or '*'}")
-        except zmq.ZMQError as error:
-            if error.errno == zmq.EADDRINUSE:
-                continue
-            raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted a local address") from error
-        return int(socket.getsockopt_string(zmq.LAST_ENDPOINT).rpartition(":")[2])
-    raise RunError(
-        f"transport.ports: none of {first}-{last} is free at {bind}; wanted: two for the head, and one for each other "
-        "compositor of a machine"
-    )
-
-
-def _receive(socket: zmq.Socket[bytes]) -> list[bytes] | None:
-    with contextlib.suppress(zmq.Again):
-        return socket.recv_multipart(zmq.NOBLOCK)
-    return None
 
 
 def _keep(messages: deque[T], message: T, counters: Counter[str]) -> None:

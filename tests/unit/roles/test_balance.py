@@ -259,7 +259,7 @@ def test_the_table_of_ranks_says_where_the_strips_are(plan: Plan) -> None:
     head = Compositor(plan, Hello(rank=HEAD, host="", endpoint="", incarnation=0), ready=lambda _: True)
     list(head.on_message(Assignment(number=1, cuts=[0, 40, 128]), 0.0))
     event: Event = first_event(plan, 0.0)
-    status = status_of(head._plan, event, {}, {}, head.latency, seconds=0.0, refreshes_per_s=0.0, oldest={})
+    status = status_of(head._plan, event, {}, {}, head.latency, now=0.0, seconds=0.0, refreshes_per_s=0.0, oldest={})
     assert [rank.region for rank in status.ranks[1:]] == ["r0c0 40x40+0+0", "r0c0 40x24+0+40; r0c1 40x64+0+0"]
     list(head.on_message(Assignment(number=2, cuts=[0, 1, 128]), 0.0))
     assert head.composition.counters["bad_message"] == 1

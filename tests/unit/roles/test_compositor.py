@@ -126,6 +126,15 @@ def test_the_status_has_what_each_rank_has_done_and_the_host_of_one_that_is_gone
     assert show.status.refreshes == head.role.refreshes > 0
 
 
+def test_a_rank_that_is_busy_is_told_from_one_that_is_silent(alone: Plan) -> None:
+    head, event = Rank(alone), first_event(alone, 0.0)
+    head.tell(event, Membership(members=tuple(Hello(rank=k, host="", endpoint="", incarnation=1) for k in range(2))))
+    for after, busy_s in ((0.5, 4.0), (alone.layout.config.transport.lost_after_s, 0.0)):
+        beat = Heartbeat(rank=1, time=head.now, busy_s=4.0)
+        (show,) = of(Show, head.tell(*[beat] * (busy_s > 0.0), after=after))
+        assert show.status.ranks[1].busy_s == busy_s
+
+
 def test_an_older_event_changes_nothing(plan: Plan) -> None:
     head, event = Rank(plan), first_event(plan, 0.0)
     head.tell(replace(event, camera_event=5))

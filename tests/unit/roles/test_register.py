@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
-from manager_run import TEXT, Run, hello, plan_of
+from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
 
-from wall.packets.control import Membership
+from wall.packets.control import Alive, Membership
 from wall.roles.instructions import Died, Input
-from wall.roles.manager import NO_RENDERER, SILENT_S
+from wall.roles.manager import NO_RENDERER
 from wall.roles.membership import GATHER_S, REPEAT_S
 from wall.roles.plan import HEAD, Plan
 
@@ -83,18 +84,80 @@ def test_a_rank_that_was_silent_and_then_ended_in_order_is_not_missed(elsewhere:
     assert run.manager.register.missed(run.manager.heartbeats).keys() == {1}
 
 
-def test_silent_renderers_end_no_run_before_a_minute_and_dead_ones_at_once(elsewhere: Plan) -> None:
+def test_silent_renderers_end_no_run_unless_that_is_wanted_and_dead_ones_at_once(elsewhere: Plan) -> None:
     run = Run(elsewhere)
-    run.tell(*run.beats(1), after=SILENT_S)
+    run.tell(*run.beats(1), after=86400.0)
     assert run.manager.lost.keys() == {2}
     assert run.manager.ended == ""
     run.tell(*run.beats(2))
     assert run.manager.lost == {}, "it is back, and the run is as it was"
-    run.tell(*run.beats(1), after=SILENT_S + 0.5)
+    run.tell(Died(2, "signal 9"))
+    assert run.manager.ended == NO_RENDERER
+
+    run = Run(plan_of(f"{TEXT}transport: {{ends_after_s: 60}}\n{ELSEWHERE}"))
+    run.tell(*run.beats(1), after=59.5)
+    assert run.manager.ended == ""
+    run.tell(*run.beats(1), after=0.5)
     assert run.manager.ended == NO_RENDERER
     run = Run(elsewhere)
     run.tell(Died(2, "signal 9"))
     assert run.manager.ended == NO_RENDERER
+
+
+def test_a_rank_whose_loop_is_held_up_is_heard_of_and_all_else_is_as_it_last_said(elsewhere: Plan) -> None:
+    run, transport = Run(elsewhere), elsewhere.layout.config.transport
+    (beat,) = run.beats(2)
+    run.tell(hello(1), hello(2), *run.beats(1), beat, after=1.0)
+    step, busy_s = transport.marked_after_s / 2, 0.0
+    while busy_s < 2.0 * transport.lost_after_s:
+        busy_s += step
+        said = run.tell(*run.beats(1), Alive(rank=2, time=run.now, busy_s=busy_s), after=step)
+        assert (HEAD, replace(beat, time=run.now - step, busy_s=busy_s)) in said
+    assert (run.manager.lost, run.manager.register.silences) == ({}, {})
+    assert run.manager.register.busy == {2: busy_s}
+    assert run.manager.register.marked_s(run.now).keys() == {2}, "it has shown nothing new for lost_after_s"
+    run.tell(*run.beats(1, 2), after=step)
+    assert run.manager.heartbeats[2].busy_s == 0.0
+    assert run.manager.register.busy == {2: busy_s}, "the longest"
+    run.tell(*run.beats(1), after=transport.lost_after_s)
+    run.tell(*run.beats(1), after=0.5)
+    assert run.manager.lost.keys() == {2}, "nor does its other thread speak"
+
+
+def stuck_run(plan: Plan, *, after: float, **beat: Any) -> Run:
+    """A run whose rank 2 says for so long that it has traced 7 samples."""
+    run, began = Run(plan), 50.0
+    run.tell(hello(HEAD), hello(1), hello(2), *run.beats(1, 2), after=GATHER_S)
+    while run.now < began + GATHER_S + after:
+        others, own = run.beats(1), replace(run.beats(2)[0], samples_traced=7)
+        run.tell(*others, replace(own, **beat), after=0.1)
+    return run
+
+
+def test_a_rank_that_speaks_but_traces_nothing_though_it_has_work_is_marked_and_not_lost(elsewhere: Plan) -> None:
+    lost_after_s = elsewhere.layout.config.transport.lost_after_s
+    assert (
+        stuck_run(elsewhere, after=lost_after_s - 0.2, works=True, complete=False).manager.register.marked_s(90) == {}
+    )
+    run = stuck_run(elsewhere, after=lost_after_s + 0.5, works=True, complete=False)
+    marked = run.manager.register.marked_s(run.now)
+    assert marked.keys() == {2}
+    assert marked[2] == pytest.approx(0.4, abs=0.11)
+    assert (run.manager.lost, run.manager.register.silences) == ({}, {})
+    (note,) = [note for note in run.manager.register.take_notes() if note.level == "warning"]
+    assert (note.rank, note.text[:-4]) == (2, f"lives, but has made nothing new for {lost_after_s:.0f}")
+    more = replace(run.beats(2)[0], samples_traced=8, works=True)
+    said = run.tell(*run.beats(1), more)
+    assert [[m.rank for m in each.members] for _, each in said if isinstance(each, Membership)] == [[HEAD, 1, 2]]
+
+
+def test_a_rank_at_rest_is_not_marked_nor_is_one_that_traces_however_slowly(elsewhere: Plan) -> None:
+    lost_after_s = elsewhere.layout.config.transport.lost_after_s
+    run = stuck_run(elsewhere, after=3 * lost_after_s, works=False, complete=True)
+    for samples in (8, 9, 10):
+        for _ in range(int(10 * lost_after_s) - 1):
+            run.tell(*run.beats(1), replace(run.beats(2)[0], samples_traced=samples, works=True), after=0.1)
+    assert run.manager.register.marked_s(run.now) == {}
 
 
 def test_rank_that_was_only_late_is_not_lost_and_one_that_died_stays_lost(elsewhere: Plan) -> None:

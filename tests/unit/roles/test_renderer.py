@@ -135,6 +135,25 @@ def test_without_credit_nobody_begins(plan: Plan) -> None:
     assert len(traces(rank.tell())) == 2
 
 
+def test_a_heartbeat_says_whether_there_is_something_to_trace(plan: Plan) -> None:
+    rank, event, second = Rank(plan), first_event(plan, 0.0), 1.0
+    rank.credit = False
+    rank.tell(event)
+    (beat,) = said(rank.tell(after=second))
+    assert beat.works, "and nowhere to send it to"
+    rank.credit = True
+    running = traces(rank.tell(after=second))
+    (beat,) = said(rank.tell(after=second))
+    assert beat.works, "workers that do not come back"
+    rank.tell(*(traced(trace, None) for trace in running))
+    for _ in range(5):
+        looks = [traced(trace, None) for trace in traces(rank.tell(after=second))]
+        (beat,) = said(rank.tell(*looks, after=second))
+        assert not beat.works, "nothing is missing"
+    (beat,) = said(rank.tell(replace(event, camera_event=1), after=second))
+    assert beat.works
+
+
 def test_what_was_dropped_wakes_the_worker_that_traced_it(plan: Plan) -> None:
     rank, event = Rank(plan), first_event(plan, 0.0)
     rank.tell(*(traced(trace, None) for trace in traces(rank.tell(event))))

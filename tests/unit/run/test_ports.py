@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 from packet_examples import batch_of, plain_samples
 
+from wall.core.data import Framelet, Rect
 from wall.packets.control import (
     MAX_ANSWER_BYTES,
     EditAnswer,
@@ -25,6 +26,7 @@ from wall.packets.control import (
     parse_control,
     serialise,
 )
+from wall.packets.framelets import FrameletPart
 from wall.packets.notes import Note
 from wall.packets.samples import encode
 from wall.roles.instructions import MANAGER, Packet
@@ -167,6 +169,35 @@ def test_samples_in_another_rank_s_name_are_left_out() -> None:
     stranger.offer(forged)
     assert list(ports.receive()) == [Packet(forged)], "the rank was started again"
     close(honest, stranger, ports)
+
+
+@pytest.mark.parametrize("encrypted", [False, True])
+def test_framelets_are_taken_from_the_rank_that_makes_them_alone(encrypted: bool) -> None:
+    keys: list[Keys] | list[None] = Keys.of_all(4) if encrypted else [None] * 4
+    hub = ZmqHub("127.0.0.1", credit_bytes=1 << 20, keys=keys[0])
+    ports = Ports(MANAGER, HeadClock(), hub=hub)
+    ports.expect([0, 2, 3])
+    links = {rank: ZmqLink(hub.endpoint, rank=rank, keys=keys[rank]) for rank in (2, 3)}
+    framelet = Framelet.blank(Rect(x=0, y=0, width=2, height=2), frozenset({"colour"}), encoded=True)
+    of_2, of_3 = (serialise(FrameletPart.of(step, framelet, framelet.rect)) for step in (1, 2))
+
+    def came(sender: int, packet: bytes, *, refused: int = 0) -> list[object]:
+        before, found = ports.drops()["stranger"], list[object]()
+        assert comes_true(lambda: found.extend(ports.receive()) or links[sender].ready())
+        links[sender].offer(packet)
+        assert comes_true(
+            lambda: found.extend(ports.receive()) or bool(found) or ports.drops()["stranger"] == before + 1
+        )
+        assert ports.drops()["stranger"] == before + refused
+        return found
+
+    assert came(2, of_2) == [Packet(of_2)]
+    assert came(3, of_2, refused=1) == [], "another rank's"
+    assert came(3, of_3) == [Packet(of_3)]
+    assert came(2, of_3, refused=1) == []
+    ports.expect([0, 3, 2])
+    assert came(3, of_2) == [Packet(of_2)], "another graph, by which it is that rank's"
+    close(*links.values(), ports)
 
 
 def test_with_keys_nobody_speaks_in_another_s_name() -> None:

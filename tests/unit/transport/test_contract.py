@@ -105,6 +105,34 @@ def test_a_hub_that_waits_is_woken_by_what_comes_at_a_link(ends: Ends) -> None:
     other.close()
 
 
+def test_another_thread_sends_beside_a_link_s_own_and_no_message_is_torn(ends: Ends) -> None:
+    link, count = ends.ready_link(), 300
+    own, others = ([b"%s %d" % (who, k) for k in range(count)] for who in (b"own", b"other"))
+    beside = threading.Thread(target=lambda: [link.send_beside(message) for message in others])
+    beside.start()
+    came: list[bytes] = []
+    for k, message in enumerate(own):
+        link.send(message)
+        link.receive()
+        if k % 16 == 0:
+            link.wait(0.001)
+        ends.hub.broadcast(b"news")
+        came += [message for _, message in ends.hub.messages()]
+
+    def all_came() -> bool:
+        came.extend(message for _, message in ends.hub.messages())
+        return len(came) == 2 * count
+
+    ends.until(all_came)
+    beside.join(DEADLINE_S)
+    for sent in (own, others):
+        assert [message for message in came if message in sent] == sent, "each in its order"
+    link.close()
+    link.send_beside(b"late")  # is no error: its thread could not know
+    ends.hub.wait(0.05)
+    assert not ends.hub.counters.get("bad_frame")
+
+
 def test_credit_bounds_the_bytes_under_way_and_the_oldest_waiting_packet_gives_way(ends: Ends) -> None:
     link = ends.ready_link()
     dropped = [number(old) for k in range(100) for old in link.offer(packet(k))]

@@ -12,7 +12,7 @@ from dataclasses import replace
 import pytest
 import zmq
 
-from wall.transport import zeromq
+from wall.transport import sockets, zeromq
 from wall.transport.base import GUEST, NOBODY
 from wall.transport.curve import KeyPair, Keys
 from wall.transport.zeromq import ZmqHub, ZmqLink
@@ -146,7 +146,7 @@ def test_a_rank_cannot_take_over_another_s_link(
 def test_a_connection_that_does_not_say_who_it_is_is_closed(
     closing: ExitStack, keys: list[Keys], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zeromq, "HANDSHAKE_MS", 50)
+    monkeypatch.setattr(sockets, "HANDSHAKE_MS", 50)
     hub = hub_of(closing, keys[HEAD])
     silent = closing.enter_context(socket.create_connection(("127.0.0.1", int(hub.endpoint.rsplit(":", 1)[1]))))
     silent.settimeout(DEADLINE_S)
@@ -160,7 +160,7 @@ def test_a_connection_that_does_not_say_who_it_is_is_closed(
 def test_a_rank_s_place_goes_to_another_key_and_who_came_too_early_tries_again(
     closing: ExitStack, keys: list[Keys], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zeromq, "HANDSHAKE_MS", 100)
+    monkeypatch.setattr(sockets, "HANDSHAKE_MS", 100)
     hub = hub_of(closing, keys[HEAD])
     joined, refusals = replace(keys[FIRST], own=KeyPair.new()), refusals_of(closing, hub)
     early = link_to(closing, hub, joined)

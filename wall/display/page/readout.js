@@ -3,6 +3,7 @@
 import { check, fill } from "./choice.js";
 
 const STALE_S = 3;                // a displayed sample older than this is marked
+const BUSY_S = 1;                 // one piece of work holds a rank up for so long: it is said
 const STUCK_MS = 2500;            // the run's own clock stands still this long: it does not answer
 const TRUST_MS = 700;             // what was just asked for is shown until the run had time to say so itself
 const NONE = "–";
@@ -137,8 +138,10 @@ export class Readout {
   #showRanks(ranks) {
     if (this.#rows.length !== ranks.length) this.#buildRows(ranks.length);
     ranks.forEach((rank, k) => this.#fill(this.#rows[k], rank));
-    const lost = ranks.filter((r) => !r.alive).length;
-    write($("ranks-note"), lost ? `${lost} of ${ranks.length} lost` : `${ranks.length} alive`);
+    const busy = ranks.filter((r) => r.busy_s >= BUSY_S).length;
+    const lost = ranks.filter((r) => !r.alive && r.busy_s < BUSY_S).length;
+    const bad = [lost && `${lost} of ${ranks.length} lost`, busy && `${busy} of ${ranks.length} busy`].filter(Boolean);
+    write($("ranks-note"), bad.join(", ") || `${ranks.length} alive`);
     $("ranks-note").classList.toggle("bad", lost > 0);
   }
 
@@ -159,9 +162,10 @@ export class Readout {
     const renders = rank.role === "renderer";
     row.dataset.panel = rank.panel;
     row.className = rank.alive ? "" : "lost";
-    row.title = `Rank ${rank.rank}, ${rank.role}, ${rank.alive ? "alive" : "lost"}: ${rank.region}`;
+    const state = rank.busy_s >= BUSY_S ? `busy ${age(rank.busy_s)}` : rank.alive ? "" : "lost";
+    row.title = `Rank ${rank.rank}, ${rank.role}, ${state || "alive"}: ${rank.region}`;
     write(head.children[1], String(rank.rank));
-    write(head.children[2], rank.alive ? rank.panel || rank.role : `${rank.panel || rank.role} lost`);
+    write(head.children[2], `${rank.panel || rank.role} ${state}`.trim());
     write(samples, renders ? short(rank.samples_per_s) : NONE);
     write(bytes, renders ? short(rank.bytes_per_s) : NONE);
     write(oldest, renders ? age(rank.oldest_sample_s) : NONE);
