@@ -8,6 +8,7 @@ from pathlib import Path
 from wall.core.errors import ConfigError
 from wall.roles.memory import HostMemory, memory_on_host
 from wall.roles.plan import Layout, Plan
+from wall.run.hosts import same_machine
 from wall.run.usage import memory
 
 GB, MB = 1e9, 1e6
@@ -112,4 +113,4 @@ def parts_of(needed: HostMemory) -> dict[str, int]:
 
 def ranks_here(layout: Layout, host: str) -> list[int]:
     """The ranks that a configuration does not place on other machines."""
-    return [rank for rank in range(layout.size) if layout.graph.hosts.get(rank, host) == host]
+    return [rank for rank in range(layout.size) if same_machine(layout.graph.hosts.get(rank, host), host)]
