@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 
 import numpy as np
@@ -67,7 +68,8 @@ def test_an_image_takes_what_was_worked_out_before_it_was_made(compiled_only: No
     assert lit_image().bytes == pytest.approx(reconstruction_bytes(*SIZE, kept, room=True), rel=0.01)
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=size)
     places = centres(size)
-    give_memory_back()
+    gc.collect()
+    give_memory_back()  # what other tests have left
     before, image = memory(), lit_image(seen)
     for k in range(20):
         event = replace(event_at(min(k // 4, 3), seen), scene_time=0.01 * min(k // 4, 3))

@@ -70,7 +70,8 @@ def _turned_by(quaternion: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) ->
     )  # fmt: skip
     batch = batch_of(samples_of(1), camera=Camera(position=(0.0, 0.0, 0.0), world_from_wall=turn))
     came = decode(encode(batch)).camera.world_from_wall
-    return max(abs(a - b) for a, b in zip(came, turn, strict=True)) * 2.0**53
+    off: float = max(abs(a - b) for a, b in zip(came, turn, strict=True))
+    return off * 2.0**53
 
 
 _FAMILY = "Packets"
