@@ -10,6 +10,7 @@ from rich.table import Table
 from wall.commands.costs import costs_of, left_out, table_of
 from wall.commands.expectations import expected
 from wall.commands.fields import fields_of_packets, name_of
+from wall.commands.memory import memory_lines
 from wall.commands.one_core import measured_core
 from wall.commands.terminal import si
 from wall.config.loading import Loaded
@@ -56,6 +57,7 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
         yield f"note: {note}"
     yield launch_line(layout, os.cpu_count() or 1)
     yield _ranks(layout)
+    yield from memory_lines(plan)
     yield from layers_apart(layout)
     yield from reconstructions(plan)
     yield from at_renderers(layout)

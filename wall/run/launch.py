@@ -36,6 +36,7 @@ from wall.run.control_file import check_free, claimed
 from wall.run.first_look import dark_views
 from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
+from wall.run.host_memory import check_started
 from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
 from wall.run.recording import begin_recording, check_unused
@@ -80,7 +81,8 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         check_displays(window_panels(layout, range(layout.size)))
     machines = [""] * layout.size
     layout = reconstructed_at_renderers(layout, machines)
-    plan, tracer_scene = prepare(layout, say, headless=options.headless, processes=layout.size)
+    ranks = range(layout.size)
+    plan, tracer_scene = prepare(layout, say, headless=options.headless, processes=layout.size, ranks=ranks)
     if options.record is not None:
         begin_recording(options.record, plan)
 
@@ -134,7 +136,7 @@ def _run_launched(
         check_displays(window_panels(layout, (bootstrap.rank,)))
     plan, tracer_scene = prepare(
         layout, say if bootstrap.rank == HEAD else lambda line: None, headless=options.headless,
-        processes=machines.count(socket.gethostname()),
+        processes=machines.count(socket.gethostname()), ranks=_on(socket.gethostname(), by_rank),
     )  # fmt: skip
     if options.record is not None and bootstrap.rank == HEAD:
         begin_recording(options.record, plan)
@@ -174,17 +176,25 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
     )
 
 
+def _on(machine: str, by_rank: Sequence[str]) -> list[int]:
+    """The ranks that are on a machine."""
+    return [rank for rank, host in enumerate(by_rank) if host == machine]
+
+
 def prepare(
-    layout: Layout, say: Callable[[str], None], *, headless: bool, processes: int = 0
+    layout: Layout, say: Callable[[str], None], *, headless: bool, processes: int = 0, ranks: Sequence[int] = ()
 ) -> tuple[Plan, TracerScene]:
     """Load the scene of a layout, and the kernels. Raises ConfigError.
 
     `processes` of the run on this machine share the cores that this one may use; 0: this one takes none but its own.
+    `ranks`: those that are to run on this machine, which are refused if they need more memory than it has left.
     """
     say("loading the scene")
     plan = replace(make_plan(layout), cores=max(len(os.sched_getaffinity(0)) // processes, 1) if processes else 1)
     for note in plan.scene.notes:
         say(f"note: {note}")
+    if ranks:
+        check_started(plan, ranks, forked=not under_mpi(), host=socket.gethostname())
     say("building the ray tracing trees")
     tracer_scene = make_tracer_scene(plan.scene)
     warm_up(plan, tracer_scene, say, headless=headless)

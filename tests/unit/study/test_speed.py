@@ -142,3 +142,11 @@ def test_memory_is_that_of_the_largest_renderer() -> None:
     assert runs.renderer_peak(found) == 300.0
     with pytest.raises(RunError, match="no renderer"):
         runs.renderer_peak({"ranks": found["ranks"][:1]})
+
+
+def test_a_renderer_above_its_bar_of_memory_is_a_miss() -> None:
+    rows = runs.memory_rows(150.0, local_mb=219.0, mpi_mb=200.0)
+    assert [(row.metric, row.value, row.limit, row.met) for row in rows] == [
+        ("memory_per_rank", 219.0, 200.0, False), ("memory_small", 150.0, 150.0, True),
+    ]  # fmt: skip
+    assert [row.met for row in runs.memory_rows(151.0, local_mb=199.0)] == [True, False]

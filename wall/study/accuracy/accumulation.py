@@ -10,7 +10,9 @@ import numpy as np
 from wall.core.data import SAMPLE, Event, Float32, Framelet, Rect, Samples
 from wall.deepbuffer.kernels.columns import COUNT, LUMINANCE_DEVIATIONS
 from wall.reconstruction.reconstruction import Reconstruction
+from wall.sampling.kernels import adaptive as kernels
 from wall.sampling.pixel_means import PixelMeans
+from wall.sampling.tiles import Grid
 from wall.scene.model import Material
 from wall.study.accuracy.case import Case, Found
 from wall.study.accuracy.scenes import View, quad, scene_of, view
@@ -96,6 +98,26 @@ def framelet_ages(days: float, step_s: int) -> Found:
     )
 
 
+def many_visits(count: int) -> Found:
+    """How uneven so many positions in a pixel are where the number of its visits begins anew, over what chance gives.
+
+    The largest difference between the share of positions in a part [0, a) x [0, b) of the pixel, or in one of the other
+    three corners, and its area. Chance: the standard deviation of the share of so many random positions in a half.
+    """
+    visits = np.full((1, 1), np.iinfo(np.uint16).max - count // 2, np.uint16)
+    xy = np.empty((count, 2), np.float32)
+    score = np.ones((1, 1), np.float32)
+    kernels.draw(score, Grid(1, 1).tiles, kernels.Pixels(visits, 1, 0, 0), 1, xy)
+    if not ((xy >= 0.0) & (xy < 1.0)).all():
+        return Found(figure=math.inf, note="some are outside")
+    edges, worst = np.linspace(0.0, 1.0, 65), 0.0
+    for places in (xy, 1.0 - xy, np.stack([xy[:, 0], 1.0 - xy[:, 1]], 1), np.stack([1.0 - xy[:, 0], xy[:, 1]], 1)):
+        counts = np.histogram2d(places[:, 0], places[:, 1], bins=[edges, edges])[0].cumsum(0).cumsum(1) / count
+        worst = max(worst, float(np.abs(counts - np.outer(edges[1:], edges[1:])).max()))
+    again = len(xy) - len(np.unique(xy, axis=0))
+    return Found(figure=worst / (0.5 / math.sqrt(count)), note=f"{again} of {count:,} positions come twice")
+
+
 _FAMILY = "Accumulation and time"
 CASES = (
     *(
@@ -119,6 +141,13 @@ CASES = (
         reason="after 10^6 samples of one size a term is 16 float32 steps of the sum, so all may round by 1/32 "
         "the same way; samplers compare variances, and 5 % of one changes no choice",
         scene="One pixel at rest, 0.1 and 0.9 in turn", measure=alternating_variance, size=1_000_000, small=5_000,
+    ),
+    Case(
+        name="many_visits", family=_FAMILY, unit="of chance", bound=1.0,
+        reason="visits of a pixel are counted in 16 bits, and its positions begin anew after 65,536: those before and "
+        "after are parts of one sequence, together at least as even as chance",
+        scene="Positions of the adaptive sampler in one pixel that has been visited 65,536 times", measure=many_visits,
+        size=16_384, small=1024,
     ),
     Case(
         name="rendered_mean", family=_FAMILY, unit="of the mean", bound=1e-9,

@@ -9,8 +9,10 @@ from wall.study.accuracy import (
     curved,
     inputs,
     light,
+    messages,
     motion,
     place,
+    quantised,
     reprojection,
     rest,
     seams,
@@ -22,7 +24,8 @@ from wall.study.accuracy.case import Case
 
 CASES: tuple[Case, ...] = (
     *place.CASES, *watertight.CASES, *light.CASES, *surfaces.CASES, *reprojection.CASES, *motion.CASES,
-    *accumulation.CASES, *seams.CASES, *curved.CASES, *wire.CASES, *inputs.CASES, *rest.CASES,
+    *accumulation.CASES, *seams.CASES, *curved.CASES, *wire.CASES, *quantised.CASES,
+    *inputs.CASES, *messages.CASES, *rest.CASES,
 )  # fmt: skip
 
 

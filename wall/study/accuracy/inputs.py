@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import copy
+import json
 import math
+import struct
 import tempfile
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +16,7 @@ import numpy as np
 
 from wall.config.loading import load, loads
 from wall.config.yaml_text import write
+from wall.core.data import Float32
 from wall.core.errors import ConfigError, RemoteProtocolError
 from wall.geometry.steering import Command, Steering, parse
 from wall.roles.plan import make_layout, make_plan
@@ -70,23 +75,71 @@ def _set(values: Any, path: tuple[Any, ...], value: float) -> None:
 
 def models(most: int) -> Found:
     """Vertices of a model that are NaN, infinite, denormal or huge, and reach a scene as something not finite."""
-    wrong = []
+    wrong, texts = [], ("0.5", "nan", "1e39", "inf", "-inf", "1e-45", "1e300", "-0.0")[:most]
     with tempfile.TemporaryDirectory() as folder:
-        for value in ("0.5", "nan", "1e39", "inf", "-inf", "1e-45", "1e300", "-0.0")[:most]:
-            (Path(folder) / "model.obj").write_text(
-                f"v {value} 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 2 3 4\n", encoding="utf-8"
-            )
+        for text, (name, written) in product(texts, MODELS.items()):
+            corners = [(float(text), 0.0, 0.0), *CORNERS]
+            (Path(folder) / name).write_bytes(written(corners))
             changed = copy.deepcopy(CONFIG)
-            changed["scene"]["source"] = "model.obj"
+            changed["scene"]["source"] = name
             (Path(folder) / "wall.yaml").write_text(write(changed), encoding="utf-8")
             try:
                 plan = make_plan(make_layout(load(Path(folder) / "wall.yaml")))
             except ConfigError:
-                wrong += [value] if value == "0.5" else []  # as it is it is fine
+                wrong += [f"{name}: {text}"] if text == "0.5" else []  # as it is it is fine
                 continue
             if not all(np.isfinite(mesh.vertices).all() for mesh in plan.scene.meshes):
-                wrong.append(value)
+                wrong.append(f"{name}: {text}")
     return Found(figure=len(wrong), note=", ".join(wrong))
+
+
+def _obj(corners: Corners) -> bytes:
+    lines = [*(f"v {x} {y} {z}" for x, y, z in corners), *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in FACES)]
+    return "\n".join(lines).encode()
+
+
+def _ply(corners: Corners) -> bytes:
+    head = (
+        f"ply\nformat ascii 1.0\nelement vertex {len(corners)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face {len(FACES)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    lines = [*(f"{x} {y} {z}" for x, y, z in corners), *(f"3 {a} {b} {c}" for a, b, c in FACES)]
+    return (head + "\n".join(lines) + "\n").encode()
+
+
+def _floats(corners: Corners) -> Float32:
+    with np.errstate(over="ignore"):  # what float32 cannot hold is infinite there
+        return np.array(corners, np.float64).astype(np.float32)
+
+
+def _stl(corners: Corners) -> bytes:
+    places = _floats(corners)
+    triangles = [bytes(12) + places[list(face)].tobytes() + bytes(2) for face in FACES]
+    return bytes(80) + struct.pack("<I", len(FACES)) + b"".join(triangles)
+
+
+def _gltf(corners: Corners) -> bytes:
+    places, faces = _floats(corners), np.array(FACES, np.uint32)
+    data = places.tobytes() + faces.tobytes()
+    views = [{"byteLength": places.nbytes}, {"byteOffset": places.nbytes, "byteLength": faces.nbytes}]
+    accessors = [
+        {"bufferView": 0, "componentType": 5126, "count": len(places), "type": "VEC3"},
+        {"bufferView": 1, "componentType": 5125, "count": faces.size, "type": "SCALAR"},
+    ]
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    document = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": accessors, "bufferViews": [{"buffer": 0, **view} for view in views],
+        "buffers": [{"uri": uri, "byteLength": len(data)}],
+    }  # fmt: skip
+    return json.dumps(document).encode()
+
+
+Corners = list[tuple[float, float, float]]
+CORNERS: Corners = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]  # behind the one that is tried
+FACES = ((0, 1, 2), (1, 2, 3))
+MODELS = {"model.obj": _obj, "model.ply": _ply, "model.stl": _stl, "model.gltf": _gltf}
 
 
 def commands(_: int) -> Found:
@@ -115,7 +168,8 @@ CASES = (
     Case(
         name="not_numbers_in_models", family="Inputs", unit="values", bound=0.0,
         reason="a vertex that is not finite leaves with its triangles, or the file is refused",
-        scene="NaN, infinities, denormals and 1e300 as a vertex of an OBJ file", measure=models, size=8, small=2,
+        scene="NaN, infinities, denormals and 1e300 as a vertex of OBJ, PLY, STL and glTF files", measure=models,
+        size=8, small=2,
     ),
     Case(
         name="not_numbers_in_commands", family="Inputs", unit="commands", bound=0.0,

@@ -15,6 +15,7 @@ from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Material, Sky
 from wall.study.accuracy.case import Case, Found, picture
 from wall.study.accuracy.scenes import (
+    BLACK_SKY,
     View,
     directions,
     instance,
@@ -26,6 +27,7 @@ from wall.study.accuracy.scenes import (
     view,
     with_every_feature,
 )
+from wall.tracing.kernels.trace import MAX_BOUNCES
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import make_tracer_scene
 
@@ -33,6 +35,7 @@ WHITE_SKY = Sky(zenith=(1.0, 1.0, 1.0), horizon=(1.0, 1.0, 1.0), ground=(1.0, 1.
 EDGE = 64  # pixels of views all of whose pixels show the same
 GREY = 0.6  # albedo of the closed room
 DEPTH = 5  # surfaces of a path in it
+MIRRORED = 0.7  # of light, by two mirrors that face each other
 CLOSEST, RADIANCE = 1e-4, 1e7  # of a lamp above a floor
 LAMP = 0.01  # its edge
 TERMINATOR = 0.02  # cosine from which on a smooth normal counts as lit
@@ -45,6 +48,20 @@ def furnace(width: int) -> Found:
     got = traced_image(scene, view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(width, width)))
     error = float(np.abs(got.radiance.astype(np.float64) - 1.0).max())
     return Found(figure=error)
+
+
+def parallel_mirrors(width: int) -> Found:
+    """Largest relative error of what two mirrors that face each other show, against the sum of their series.
+
+    Each shines with radiance 1 besides, and mirrors MIRRORED. Chains end behind MAX_BOUNCES mirrors.
+    """
+    glass = Material(name="glass", base_color=(0.0,) * 3, emission=(1.0,) * 3, mirror=MIRRORED)
+    placed = [instance(0, at=(0.0, 0.0, -1.0)), instance(0, at=(0.0, 0.0, 1.0), turn=("y", 180.0))]
+    scene = with_every_feature(scene_of([quad(1e3, 1e3)], placed, materials=[glass], sky=BLACK_SKY))
+    got = traced_image(scene, view((0.0, 0.0, 0.3), (0.4, 0.2, -1.0), pixels=(width, width)))
+    series = 1.0 - MIRRORED ** (MAX_BOUNCES + 1)  # each mirror adds (1 - m) of its own light to m of what it shows
+    error = float(np.abs(got.radiance.astype(np.float64) / series - 1.0).max())
+    return Found(figure=error, note=f"{MIRRORED ** (MAX_BOUNCES + 1):.2g} of the light is behind the last mirror")
 
 
 def closed_room(sweeps: int) -> Found:
@@ -193,6 +210,13 @@ CASES = (
             measure=partial(terminator, segments), size=512, small=64,
         )
         for segments in (12, 24, 48)
+    ),
+    Case(
+        name="parallel_mirrors", family="Light", unit="of the light", bound=64 * 2.0**-24,
+        reason=f"{MAX_BOUNCES} mirrors are followed, two products and a sum each; what is behind the last one is left "
+        "out on purpose",
+        scene="Two mirrors that face each other, and shine, seen from between them", measure=parallel_mirrors, size=64,
+        small=8,
     ),
     Case(
         name="filter_weights", family="Light", unit="of the light", bound=64 * 2.0**-24,

@@ -35,6 +35,7 @@ AT_MOST = 8.0  # times the samples of uniform sampling
 GIVEN_UP = 16_384  # samples a pixel without being complete
 QUIET = 200  # batches without a sample: longer than any wait for a refresh
 WRONG = 5  # codes
+SMALL = {1.0: 6}  # pixels an edge in the test command, by radiance: the others take longer
 
 
 def lamp(edge: int, radiance: float) -> Plan:
@@ -110,14 +111,14 @@ CASES = tuple(
             reason="a still view has to end; samples that are to go where they are needed may be at most eight times "
             "those that uniform sampling needs for the same error",
             scene=f"The edge of a lamp of radiance {radiance:g} before a sky of 0.2", measure=partial(soon, radiance),
-            size=16, small=None,
+            size=16, small=SMALL.get(radiance),
         ),
         Case(
             name=f"rest_right_{radiance:g}", family="Adaptive at rest", unit="share of pixels", bound=1e-4,
             reason=f"a picture that says it is complete is the reference of {REFERENCE_SPP:,} samples a pixel; {WRONG} "
             "codes are what a viewer may see at an edge",
             scene="The same; pixels that are off by more than 5 codes of 8 bits", measure=partial(right, radiance),
-            size=16, small=None,
+            size=16, small=SMALL.get(radiance),
         ),
     )
 )  # fmt: skip

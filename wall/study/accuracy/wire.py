@@ -26,17 +26,21 @@ COMPACT_CODES = 0.51  # that a compact colour is off by at most, see docs/guide/
 BROKEN = (math.nan, math.inf, -math.inf, -1.0, 1e-45, -0.0, 3.4e38)  # -1 and 3.4e38: numbers, but not every field's
 
 
-def through(samples: Samples, *, adaptive: bool, rect: Rect = RECT, noisy: bool = False) -> Samples:
+def through(
+    samples: Samples, *, adaptive: bool, rect: Rect = RECT, noisy: bool = False, relightable: bool = False
+) -> Samples:
     """(n,) SAMPLE as they arrive, in the order in which they went; object ids are overwritten."""
     found = []
     for begin in range(0, len(samples), MAX_SAMPLES):
         part = samples[begin : begin + MAX_SAMPLES].copy()
         part["object_id"] = np.arange(len(part))  # compact bodies come back by object
-        found.append(decode(encode(_batch(part, rect=rect, adaptive=adaptive, noisy=noisy))).samples)
+        batch = batch_of(part, rect=rect, adaptive=adaptive, noisy=noisy, relightable=relightable)
+        found.append(decode(encode(batch)).samples)
     return np.concatenate(found)
 
 
-def _batch(samples: Samples, *, rect: Rect = RECT, **more: Any) -> Batch:
+def batch_of(samples: Samples, *, rect: Rect = RECT, **more: Any) -> Batch:
+    """A batch of samples, with any of its fields."""
     numbers: dict[str, Any] = {"rank": 1, "sequence": 1, "camera_event": 1, "scene_event": 0, "base_time": 0.0}
     return Batch(**{"view": 0, "panel": 0, "rect": rect, "samples": samples, **numbers, **more})
 
@@ -49,7 +53,8 @@ def at_borders(borders: ArrayLike) -> Float32:
     )
 
 
-def _samples(count: int, **fields: ArrayLike) -> Samples:
+def samples_of(count: int, **fields: ArrayLike) -> Samples:
+    """(count,) SAMPLE with these fields, at the middle of the first pixel unless `xy` is given."""
     samples = np.zeros(count, SAMPLE)
     samples["xy"] = 0.5
     for name, values in fields.items():
@@ -65,7 +70,7 @@ def plain_colour(mantissas: int) -> Found:
     worst, where = 0.0, 0.0
     for low in (0.0, 0.25, 0.499, 1.0):
         colours = np.stack([values, values * np.float32(low), values], axis=1)
-        came = through(_samples(len(values), radiance=colours), adaptive=False)["radiance"]
+        came = through(samples_of(len(values), radiance=colours), adaptive=False)["radiance"]
         error = np.abs(came.astype(np.float64) - colours).max(axis=1) / values
         worst, where = max((worst, where), (float(error.max()), float(values[error.argmax()])))
     return Found(figure=worst, note=f"worst at {where:.8g}, of {len(values):,} values")
@@ -81,7 +86,7 @@ def compact_colour(offsets: int) -> Found:
         values = at_borders(borders[borders > 0.0])
         colours = np.zeros((len(values), 3), np.float32)
         colours[:, 0] = values
-        samples = _samples(len(values), radiance=colours)
+        samples = samples_of(len(values), radiance=colours)
         samples["xy"] = ((x + 0.5) / 8, (y + 0.5) / 8)
         came = through(samples, adaptive=True)["radiance"][:, 0]
         codes = [np.interp(v.astype(np.float64), curve, np.arange(len(curve))) for v in (came, values)]
@@ -100,7 +105,7 @@ def depth_error(adaptive: bool, borders: int) -> Found:
         values = np.concatenate([np.array([2.0**low, 2.0 ** (low + octaves) * (1 - 2.0**-24)], np.float32), values])
         values = np.resize(values[np.isfinite(values)], min(len(values), MAX_SAMPLES))
         values[:2] = 2.0**low, np.nextafter(np.float32(2.0 ** min(127, low + octaves - 1)), np.float32(9e37))
-        came = through(_samples(len(values), depth=values), adaptive=adaptive)["depth"].astype(np.float64)
+        came = through(samples_of(len(values), depth=values), adaptive=adaptive)["depth"].astype(np.float64)
         error = float((np.abs(came - values) / values).max() * 2.0 ** (bits + 1))
         worst, where = max((worst, where), (error, f"{octaves} octaves"))
     return Found(figure=worst, note=f"worst with {where}")
@@ -111,7 +116,7 @@ def time_error(adaptive: bool, spans: int) -> Found:
     steps, worst = compact_body.TIME_STEPS if adaptive else plain_body.TIME_STEPS, 0.0
     for span in np.geomspace(1e-6, 999_999.0, spans).astype(np.float32):
         values = np.append(at_borders((np.arange(steps) + 0.5) / steps * float(span)), span)
-        came = through(_samples(len(values), time=values), adaptive=adaptive)["time"].astype(np.float64)
+        came = through(samples_of(len(values), time=values), adaptive=adaptive)["time"].astype(np.float64)
         worst = max(worst, float(np.abs(came - values).max() / float(span) * 2 * steps))
     return Found(figure=worst)
 
@@ -120,7 +125,7 @@ def position_error(adaptive: bool, edge: int) -> Found:
     """Largest error of a position in steps of a sub-pixel, at the borders of all of them along an edge."""
     bits = compact_body.SUBPIXEL_BITS if adaptive else 14 - math.ceil(math.log2(edge))
     values = at_borders(np.arange(1, edge * 2**bits) / 2**bits)
-    samples = _samples(len(values))
+    samples = samples_of(len(values))
     samples["xy"][:, 0] = values
     came = through(samples, adaptive=adaptive, rect=Rect(x=0, y=0, width=edge, height=1))["xy"][:, 0]
     moved = int((np.floor(came) != np.floor(values)).sum())
@@ -132,7 +137,7 @@ def change_error(count: int) -> Found:
     """Largest error of `change` over half a step, at the borders of its codes and at `count` values between."""
     steps = compact_body.CHANGE_STEPS
     values = np.concatenate([at_borders((np.arange(steps) + 0.5) / steps), np.linspace(0, 1, count, dtype=np.float32)])
-    came = through(_samples(len(values), change=values), adaptive=True)["change"].astype(np.float64)
+    came = through(samples_of(len(values), change=values), adaptive=True)["change"].astype(np.float64)
     return Found(figure=float(np.abs(came - values).max() * 2 * steps))
 
 
@@ -140,7 +145,7 @@ def normal_error(step: int) -> Found:
     """Largest angle, degrees, between octahedral normals of 8 bits and what arrives; every `step`-th each way."""
     codes = np.arange(-127, 128, step, dtype=np.int8)
     pairs = np.stack(np.meshgrid(codes, codes), axis=-1).reshape(-1, 2)
-    samples = _samples(len(pairs), radiance=1.0)
+    samples = samples_of(len(pairs), radiance=1.0)
     samples["normal"] = pairs
     came = through(samples, adaptive=True, noisy=True)["normal"]
     a, b = _directions(pairs), _directions(came)
@@ -165,12 +170,12 @@ def light_range(adaptive: bool, count: int) -> Found:
     Light above what packets carry is to arrive as the most that they carry, and to be counted by who sends it.
     """
     values = np.geomspace(1e-6, 1e6, count).astype(np.float32)
-    came = through(_samples(len(values), radiance=values[:, None]), adaptive=adaptive)["radiance"][:, 0]
+    came = through(samples_of(len(values), radiance=values[:, None]), adaptive=adaptive)["radiance"][:, 0]
     carried = np.minimum(values, np.float32(plain_body.LARGEST_COLOUR)).astype(np.float64)
     even = np.where(carried < 1.0, COMPACT_CODES * _step_at(carried), 0.0) if adaptive else 2.0**-25
     beyond = np.maximum(np.abs(came - carried) - even, 0.0) / carried
     counters, above = Counter[str](), int((values > plain_body.LARGEST_COLOUR).sum())
-    encode(_batch(_samples(count, radiance=values[:, None]), adaptive=adaptive), counters=counters)
+    encode(batch_of(samples_of(count, radiance=values[:, None]), adaptive=adaptive), counters=counters)
     counted = counters[TOO_BRIGHT]
     note = f"1e6 arrives as {came[-1]:,.0f}, 1e-6 as {came[0]:.3g}; {counted} of {above} above are counted"
     return Found(figure=float(beyond.max()) if counted == above else math.inf, note=note)
@@ -189,20 +194,21 @@ def broken_numbers(_: int) -> Found:
     for adaptive in (False, True):
         for name in ("xy", "radiance", "depth", "time", "change", "sqrt_irradiance"):
             for value in BROKEN:
-                samples = _samples(3, depth=1.0, radiance=0.5)
+                samples = samples_of(3, depth=1.0, radiance=0.5)
                 samples[name][1] = value
-                if not _harmless(_batch(samples, adaptive=adaptive)):
+                if not _harmless(batch_of(samples, adaptive=adaptive)):
                     passed.append(f"{name} {value}")
         for name in ("base_time", "blend", "scene_time"):
             for value in BROKEN:
-                if not _harmless(_batch(_samples(3, depth=1.0), adaptive=adaptive, **dict[str, Any]({name: value}))):
+                changed = dict[str, Any]({name: value})
+                if not _harmless(batch_of(samples_of(3, depth=1.0), adaptive=adaptive, **changed)):
                     passed.append(f"{name} {value}")
         for at in range(12):
             for value in BROKEN[:3]:
                 position, turn = [0.0, 0.0, 0.0], np.eye(3).ravel().tolist()
                 (position if at < 3 else turn)[at if at < 3 else at - 3] = value
                 camera = Camera(position=(position[0], position[1], position[2]), world_from_wall=tuple(turn))
-                if not _harmless(_batch(_samples(3, depth=1.0), adaptive=adaptive, camera=camera)):
+                if not _harmless(batch_of(samples_of(3, depth=1.0), adaptive=adaptive, camera=camera)):
                     passed.append(f"camera {at} {value}")
     return Found(figure=len(passed), note=", ".join(passed[:6]))
 
@@ -224,10 +230,10 @@ def numbers_at_their_end(_: int) -> Found:
     wrong = []
     for name, bits in (("sequence", 64), ("camera_event", 60), ("scene_event", 60), ("frame", 60), ("rank", 16)):
         for value in (2 ** (bits - 1), 2**bits - 1):
-            if getattr(decode(encode(_batch(_samples(1), **{name: value}))), name) != value:
+            if getattr(decode(encode(batch_of(samples_of(1), **{name: value}))), name) != value:
                 wrong.append(f"{name} {value}")
         try:
-            encode(_batch(_samples(1), **{name: 2**bits}))
+            encode(batch_of(samples_of(1), **{name: 2**bits}))
             wrong.append(f"{name} 2^{bits} is sent")
         except LocalProtocolError:
             pass

@@ -53,7 +53,7 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("compositor_cpu",), lambda rounds, seconds: runs.compositor_cpu(seconds)),
     (("input_latency",), lambda rounds, seconds: runs.input_latency(seconds)),
     (("static_bytes",), lambda rounds, seconds: runs.static_bytes(seconds / 2)),
-    (("memory_per_rank",), lambda rounds, seconds: runs.memory_per_rank(seconds / 2)),
+    (("memory_per_rank", "memory_small"), lambda rounds, seconds: runs.memory_per_rank(seconds / 2)),
     (("gpu_refresh",), lambda rounds, seconds: reconstruction.measure(rounds)),  # last: OpenGL and forks do not mix
 )
 METRICS = (
@@ -62,7 +62,8 @@ METRICS = (
     "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "reconstruct_threads", "end_to_end",
     "encrypted",
     "depth_copy", "depth_covered", "unchanged_input", "compositor_tree", "depth_tree", "compositor_cpu",
-    "input_latency", "static_bytes", "memory_per_rank", "gpu_refresh",
+    "input_latency", "static_bytes", "memory_per_rank", "memory_small",
+    "gpu_refresh",
 )  # fmt: skip
 
 

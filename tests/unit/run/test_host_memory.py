@@ -1,0 +1,108 @@
+"""A wall that needs more memory than a machine has left is refused, with figures."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from wall.commands.memory import memory_lines
+from wall.config.loading import loads
+from wall.core.errors import ConfigError
+from wall.roles.memory import memory_on_host
+from wall.roles.plan import Plan, make_layout, make_plan, on_one_machine
+from wall.run import host_memory, launch
+from wall.run.host_memory import available_bytes, check_memory, ranks_here
+from wall.run.usage import Usage
+
+KB, GB = 1024, 10**9
+TEXT = """\
+version: 1
+scene: {{source: cornell}}
+wall: {{grid: {{columns: {columns}, rows: 1, pixels: [1920, 1080], size: [0.3, 0.2]}}}}
+views: [{{camera: auto}}]
+reconstruction: cpu
+"""
+
+
+def plan_of(columns: int = 1) -> Plan:
+    return make_plan(make_layout(loads(TEXT.format(columns=columns), path=Path("w.yaml"))))
+
+
+def machine(folder: Path, files: dict[str, str]) -> int | None:
+    """What is left on a machine with these files in /proc and /sys/fs/cgroup."""
+    for name, text in {"proc/meminfo": f"MemTotal: 99 kB\nMemAvailable:  {4 * GB // KB} kB\n", **files}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return available_bytes(folder / "proc", folder / "groups")
+
+
+def test_what_is_left_is_what_the_kernel_says_unless_a_group_may_take_less(tmp_path: Path) -> None:
+    assert machine(tmp_path / "none", {}) == 4 * GB // KB * KB
+    of_group = {"memory.max": f"{3 * GB}", "memory.current": f"{2 * GB}", "memory.stat": f"anon 1\ninactive_file {GB}"}
+    parent = {f"groups/docker/{name}": text for name, text in of_group.items()}
+    group = {"groups/docker/a/memory.max": "max", "groups/docker/a/memory.current": "0"}
+    named = {"proc/self/cgroup": "0::/docker/a\n"}
+    assert machine(tmp_path / "second", named | parent | group) == 2 * GB, "3 GB less what is not files"
+    first = {
+        "proc/self/cgroup": "5:cpu,cpuacct:/x\n4:memory:/jobs/7\n0::/\n",
+        "groups/memory/jobs/7/memory.limit_in_bytes": f"{GB}",
+        "groups/memory/jobs/7/memory.usage_in_bytes": f"{GB // 4}",
+        "groups/memory/jobs/7/memory.stat": "total_inactive_file 0\n",
+        "groups/memory/memory.limit_in_bytes": "9223372036854771712",
+        "groups/memory/memory.usage_in_bytes": "5",
+        "groups/memory/memory.stat": "",
+    }
+    assert machine(tmp_path / "first", first) == GB - GB // 4
+
+
+def test_where_nothing_tells_what_is_left_nothing_is_refused(tmp_path: Path) -> None:
+    assert available_bytes(tmp_path, tmp_path) is None
+    (tmp_path / "meminfo").write_text("MemFree: 12 kB\n")
+    assert available_bytes(tmp_path, tmp_path) is None
+    check_memory(plan_of(), range(2), forked=True, available=None, host="here")
+
+
+def test_a_refusal_says_where_how_much_how_much_there_is_and_what_to_lower() -> None:
+    plan = on_one_machine(plan_of())
+    needed = memory_on_host(plan, range(2), forked=True).total
+    check_memory(plan, range(2), forked=True, available=needed, host="node7")
+    with pytest.raises(ConfigError) as refusal:
+        check_memory(plan, range(2), forked=True, available=needed - 1, host="node7")
+    text = str(refusal.value)
+    assert text.startswith(f"w.yaml: 2 ranks need {needed / GB:.2f} GB of memory on node7, ")
+    assert f"of it for images, and {needed / GB:.2f} are left there; wanted: fewer pixels, or fewer" in text
+
+
+def test_check_refuses_a_rank_that_fits_nowhere_and_notes_a_wall_that_needs_more_machines(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plan = plan_of(columns=4)
+    alone = memory_on_host(on_one_machine(plan), [1], forked=False).total
+    monkeypatch.setattr("wall.commands.memory.available_bytes", lambda: alone)
+    monkeypatch.setattr("wall.commands.memory.usage", Usage)
+    line, note = memory_lines(plan)
+    assert f"by itself rank 1 needs the most, {alone / GB:.2f} GB; {alone / GB:.1f} GB are left here" in line
+    assert note.startswith("note: 5 ranks need")
+    monkeypatch.setattr("wall.commands.memory.usage", lambda: Usage(peak_memory=2 * alone))
+    assert list(memory_lines(plan))[1].startswith(f"memory: loading the scene took {2 * alone / GB:.2f} GB for a while")
+    monkeypatch.setattr("wall.commands.memory.available_bytes", lambda: alone - 1)
+    with pytest.raises(ConfigError, match=r"^w\.yaml: rank 1 needs .* of memory on this machine"):
+        list(memory_lines(plan))
+
+
+def test_a_run_that_needs_too_much_ends_before_it_takes_any(monkeypatch: pytest.MonkeyPatch) -> None:
+    layout, said = plan_of().layout, list[str]()
+    monkeypatch.setattr(host_memory, "available_bytes", lambda: GB // 4)
+    with pytest.raises(ConfigError, match=f"2 ranks need .* of memory on {socket.gethostname()}"):
+        launch.prepare(layout, said.append, headless=True, processes=2, ranks=range(2))
+    assert said == ["loading the scene"]
+
+
+def test_ranks_that_are_placed_elsewhere_are_not_looked_at() -> None:
+    layout = plan_of(columns=2).layout
+    assert ranks_here(layout, "me") == [0, 1, 2]
+    placed = replace(layout, graph=replace(layout.graph, hosts={1: "me", 2: "another"}))
+    assert ranks_here(placed, "me") == [0, 1]

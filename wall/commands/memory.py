@@ -1,0 +1,36 @@
+"""What `wall check` says of memory: what a wall needs on one machine and in its largest rank, against what is left."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+
+from wall.roles.memory import memory_on_host
+from wall.roles.plan import Plan, on_one_machine
+from wall.run.host_memory import GB, MB, available_bytes, check_memory, parts_of, ranks_here, too_much
+from wall.run.usage import usage
+
+
+def memory_lines(plan: Plan) -> Iterator[str]:
+    """A line of what the wall needs, and a note where that is too much for this machine alone.
+
+    Raises ConfigError where a single rank that may come here needs more than is left.
+    """
+    loading, host, left = usage().peak_memory, socket.gethostname(), available_bytes()
+    one = on_one_machine(plan)
+    ranks = range(plan.layout.size)
+    needed = memory_on_host(one, ranks, forked=True)
+    largest = max(needed.ranks, key=lambda rank: rank.own)
+    alone = memory_on_host(one, [largest.rank], forked=False)
+    parts = ", ".join(f"{name} {size / MB:.0f}" for name, size in parts_of(needed).items() if size >= MB)
+    here = "" if left is None else f"; {left / GB:.1f} GB are left here"
+    yield (
+        f"memory: {needed.total / GB:.2f} GB if all {plan.layout.size} ranks run on one machine (MB: {parts}); by "
+        f"itself rank {largest.rank} needs the most, {alone.total / GB:.2f} GB{here}"
+    )
+    if loading > alone.total:
+        yield f"memory: loading the scene took {loading / GB:.2f} GB for a while, of each process that loads it"
+    for rank in ranks_here(plan.layout, host):
+        check_memory(one, [rank], forked=False, available=left, host="this machine")
+    if left is not None and needed.total > left:
+        yield f"note: {too_much(needed, left, 'one machine')}; wall run refuses to start them all here"

@@ -1,0 +1,116 @@
+"""What memory this machine has left, and the refusal of a wall that needs more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from wall.core.errors import ConfigError
+from wall.roles.memory import HostMemory, memory_on_host
+from wall.roles.plan import Layout, Plan
+from wall.run.hosts import same_machine
+from wall.run.usage import memory
+
+GB, MB = 1e9, 1e6
+NO_LIMIT = 1 << 60  # bytes: what version 1 of control groups says where there is none is near 2^63
+FEWER_PIXELS = "fewer pixels, or fewer sampling.samples_per_pixel"
+REMEDIES = {
+    "images": f"{FEWER_PIXELS}, or more ranks on more machines",
+    "framelets": "fewer pixels, or more compositors on more machines",
+    "sampling": "fewer pixels, sampling.threads or objects",
+    "shared": "fewer pixels, or fewer transport.credit_bytes",
+    "scene": "a smaller model or smaller textures",
+    "programs": "fewer ranks on this machine",
+}
+
+
+def available_bytes(proc: Path = Path("/proc"), groups: Path = Path("/sys/fs/cgroup")) -> int | None:
+    """Bytes that processes here may still take, by the kernel and by the limits of this one's control groups.
+
+    None where that is not told: not Linux.
+    """
+    try:
+        lines = (proc / "meminfo").read_text(encoding="ascii").splitlines()
+        left = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
+    except (OSError, ValueError, StopIteration):
+        return None
+    return min([left, *_left_in_groups(proc, groups)])
+
+
+def _left_in_groups(proc: Path, groups: Path) -> Iterator[int]:
+    """Of each limit on this process: it less what is used; pages of files that can be dropped do not count."""
+    try:
+        lines = (proc / "self" / "cgroup").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        if controllers == "":  # version 2
+            root, names = groups, ("memory.max", "memory.current", "inactive_file")
+        elif "memory" in controllers.split(","):
+            root = groups / "memory"
+            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+        else:
+            continue
+        own = root / path.lstrip("/")
+        for folder in (own, *own.parents):
+            if (left := _left_in(folder, *names)) is not None:
+                yield left
+            if folder == root:
+                break
+
+
+def _left_in(folder: Path, limit: str, usage: str, dropped: str) -> int | None:
+    """Of one group; None where it has no limit, or is not seen from here."""
+    try:
+        most = int((folder / limit).read_text(encoding="ascii"))  # "max": none
+        used = int((folder / usage).read_text(encoding="ascii"))
+        told = dict(line.split() for line in (folder / "memory.stat").read_text(encoding="ascii").splitlines())
+        files = int(told.get(dropped, 0))
+    except (OSError, ValueError):
+        return None
+    return None if most >= NO_LIMIT else max(0, most - max(0, used - files))
+
+
+def check_memory(plan: Plan, ranks: Sequence[int], *, forked: bool, available: int | None, host: str) -> HostMemory:
+    """What ranks need on a machine. Raises ConfigError where that is more than it has left; None: it is not told.
+
+    `forked`: see memory_on_host; `available`: bytes, those that these ranks have taken already among them.
+    """
+    needed = memory_on_host(plan, ranks, forked=forked)
+    if available is not None and needed.total > available:
+        raise ConfigError(f"{plan.layout.loaded.path}: {too_much(needed, available, host)}")
+    return needed
+
+
+def check_started(plan: Plan, ranks: Sequence[int], *, forked: bool, host: str) -> None:
+    """Refuse to go on where ranks need more than is left on this machine; they have loaded the scene.
+
+    Raises ConfigError.
+    """
+    left, taken = available_bytes(), memory() * (1 if forked else len(ranks))
+    check_memory(plan, ranks, forked=forked, available=None if left is None else left + taken, host=host)
+
+
+def too_much(needed: HostMemory, available: int, host: str) -> str:
+    """Who needs how much where, and what to lower."""
+    parts = parts_of(needed)
+    most = max(parts, key=lambda name: parts[name])
+    numbers = [rank.rank for rank in needed.ranks]
+    who = f"rank {numbers[0]} needs" if len(numbers) == 1 else f"{len(numbers)} ranks need"
+    return (
+        f"{who} {needed.total / GB:.2f} GB of memory on {host}, {parts[most] / GB:.2f} of it for {most}, and "
+        f"{available / GB:.2f} are left there; wanted: {REMEDIES[most]}"
+    )
+
+
+def parts_of(needed: HostMemory) -> dict[str, int]:
+    """Bytes by what they are for."""
+    of_ranks = ("images", "framelets", "sampling", "shared")
+    found = {name: sum(getattr(rank, name) for rank in needed.ranks) for name in of_ranks}
+    return {**found, "scene": needed.scene, "programs": needed.programs}
+
+
+def ranks_here(layout: Layout, host: str) -> list[int]:
+    """The ranks that a configuration does not place on other machines."""
+    return [rank for rank in range(layout.size) if same_machine(layout.graph.hosts.get(rank, host), host)]
