@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.tracing.interface import interface_table
-from wall.tracing.kernels import glass, opaque, thin_glass
+from wall.tracing.kernels import facet_walk, opaque, thin_glass
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.values import MATERIAL
 
@@ -145,7 +145,7 @@ def test_a_coat_is_reciprocal_but_for_its_compensation_and_what_it_leaves_below(
 
 @numba.njit
 def reflectance(cosine: Any, eta: Any) -> Any:
-    return glass.fresnel(np.float32(cosine), np.float32(eta))[0]
+    return facet_walk.fresnel(np.float32(cosine), np.float32(eta))[0]
 
 
 def test_glass_reflects_as_fresnel_says_and_wholly_beyond_the_critical_angle() -> None:

@@ -9,6 +9,7 @@ from wall.study.accuracy import (
     curved,
     inputs,
     light,
+    materials,
     motion,
     place,
     reprojection,
@@ -21,8 +22,8 @@ from wall.study.accuracy import (
 from wall.study.accuracy.case import Case
 
 CASES: tuple[Case, ...] = (
-    *place.CASES, *watertight.CASES, *light.CASES, *surfaces.CASES, *reprojection.CASES, *motion.CASES,
-    *accumulation.CASES, *seams.CASES, *curved.CASES, *wire.CASES, *inputs.CASES, *rest.CASES,
+    *place.CASES, *watertight.CASES, *light.CASES, *materials.CASES, *surfaces.CASES, *reprojection.CASES,
+    *motion.CASES, *accumulation.CASES, *seams.CASES, *curved.CASES, *wire.CASES, *inputs.CASES, *rest.CASES,
 )  # fmt: skip
 
 
