@@ -38,6 +38,7 @@ class Needs:
     paths: bool  # light comes by random ways: samples are noisy
     occlusion: bool  # by one way that nothing near is in; no light is followed
     thin_glass: bool  # on paths
+    solid_glass: bool  # on paths; rough or not, which may be edited
     absorption: bool  # inside glass, on paths
     interfaces: bool  # metal, a coat over diffuse light, or thin glass, on paths
     emitters: bool  # triangles that light others, on paths
@@ -87,6 +88,7 @@ def needs(scene: Scene) -> Needs:
         paths=noisy,
         occlusion=not lit,
         thin_glass=thin,
+        solid_glass=paths and any(not material.thin and material.transmission > 0.0 for material in materials),
         absorption=paths and any(max(material.absorption) > 0.0 for material in materials),
         interfaces=thin or (paths and any(max(material.metallic, material.specular) > 0.0 for material in materials)),
         emitters=paths and any(max(scene.materials[scene.meshes[k].material].emission) > 0.0 for k in aimed_at),

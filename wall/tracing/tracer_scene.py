@@ -305,6 +305,7 @@ def _materials(rows: NDArray[Any], texels: NDArray[np.uint8] | None, wanted: Nee
         scattering=Scattering(
             metallic_roughness_textures=True if wanted.metallic_roughness_textures else None,
             thin_glass=True if wanted.thin_glass else None,
+            solid_glass=True if wanted.solid_glass else None,
             interface=interface_table() if wanted.interfaces else None,
             rounded=True if wanted.smooth_normals else None,
         ),

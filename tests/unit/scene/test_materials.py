@@ -49,8 +49,9 @@ def test_what_glass_absorbs_is_its_colour_after_the_distance() -> None:
     small, large = look(scene, "small box"), look(scene, "large box")
     assert small.absorption == (0.0, 0.0, 0.0)
     assert large.absorption == pytest.approx((0.0, math.log(2.0) / 2.0, math.log(2.0)))
-    assert (needs(scene).absorption, needs(scene).thin_glass) == (True, False)
-    assert needs(scene_with("{object: small box, type: glass, thin: true}")).thin_glass
+    assert (needs(scene).absorption, needs(scene).thin_glass, needs(scene).solid_glass) == (True, False, True)
+    thin = needs(scene_with("{object: small box, type: glass, thin: true}"))
+    assert (thin.thin_glass, thin.solid_glass) == (True, False)
     assert not needs(scene_with(f"{{object: '* box', {glass}}}", more=", integrator: {method: direct}")).absorption
 
 

@@ -182,6 +182,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         paths=False,
         occlusion=False,
         thin_glass=False,
+        solid_glass=False,
         absorption=False,
         interfaces=False,
         emitters=False,

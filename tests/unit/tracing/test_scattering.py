@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.tracing.interface import interface_table
-from wall.tracing.kernels import glass, opaque, thin_glass
+from wall.tracing.kernels import facet_walk, opaque, thin_glass
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.values import MATERIAL
 
@@ -115,18 +115,37 @@ def test_diffuse_light_and_metal_without_compensation_are_reciprocal(roughness: 
 
 def back_of(rows: NDArray[Any], cosine: float) -> float:
     """Red's compensation at a cosine."""
-    return float(compensation(rows, TABLE, np.float32(cosine)))
+    return float(of_red(rows, TABLE, np.float32(cosine))[0])
 
 
 @numba.njit
-def compensation(rows: Any, table: Any, cosine: Any) -> Any:
+def of_red(rows: Any, table: Any, cosine: Any) -> Any:
+    """Its compensation, and what of it is diffuse, seen at a cosine."""
     albedo = (rows[0]["base_color"][0], np.float32(0.5), np.float32(0.3))
-    return opaque.look_of(rows[0], rows[0]["metallic"], rows[0]["roughness"], albedo, cosine, table)[3][0]
+    look = opaque.look_of(rows[0], rows[0]["metallic"], rows[0]["roughness"], albedo, cosine, table)
+    return look[3][0], look[0][0]
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 1.0])
+def test_a_coat_is_reciprocal_but_for_its_compensation_and_what_it_leaves_below(roughness: float) -> None:
+    """Both depend on the eye's side alone: taken out, the interface over paint is that of metal."""
+    rows, rng = record(specular=1.0, roughness=roughness), np.random.default_rng(5)
+    for _ in range(50):
+        a, b = rng.normal(size=(2, 3)).astype(np.float32)
+        b[:2] -= 2.0 * a[:2]  # about the mirrored way, where a smooth coat shines
+        a[2], b[2] = abs(a[2]) + 0.1, abs(b[2]) + 0.1
+        a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
+        both = []
+        for out, to in ((a, b), (b, a)):
+            value, (back, diffuse) = np.zeros((1, 4), np.float32), of_red(rows, TABLE, np.float32(out[2]))
+            valued(rows, TABLE, out.astype(np.float32), to[None].astype(np.float32), value)
+            both.append((float(value[0, 0]) / float(to[2]) - float(diffuse) / math.pi) / float(back))
+        assert both[0] == pytest.approx(both[1], rel=2e-3, abs=1e-6)
 
 
 @numba.njit
 def reflectance(cosine: Any, eta: Any) -> Any:
-    return glass.fresnel(np.float32(cosine), np.float32(eta))[0]
+    return facet_walk.fresnel(np.float32(cosine), np.float32(eta))[0]
 
 
 def test_glass_reflects_as_fresnel_says_and_wholly_beyond_the_critical_angle() -> None:

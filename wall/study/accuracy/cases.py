@@ -9,6 +9,7 @@ from wall.study.accuracy import (
     curved,
     inputs,
     light,
+    materials,
     messages,
     motion,
     place,
@@ -23,8 +24,8 @@ from wall.study.accuracy import (
 from wall.study.accuracy.case import Case
 
 CASES: tuple[Case, ...] = (
-    *place.CASES, *watertight.CASES, *light.CASES, *surfaces.CASES, *reprojection.CASES, *motion.CASES,
-    *accumulation.CASES, *seams.CASES, *curved.CASES, *wire.CASES, *quantised.CASES,
+    *place.CASES, *watertight.CASES, *light.CASES, *materials.CASES, *surfaces.CASES, *reprojection.CASES,
+    *motion.CASES, *accumulation.CASES, *seams.CASES, *curved.CASES, *wire.CASES, *quantised.CASES,
     *inputs.CASES, *messages.CASES, *rest.CASES,
 )  # fmt: skip
 

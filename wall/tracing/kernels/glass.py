@@ -1,64 +1,43 @@
 """Glass: a rough or smooth interface between two media, which reflects and refracts; each path takes one of both ways.
 What lies behind an interface may absorb.
 
-B. Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007; facets are sampled as for metal.
-Radiance scales with the square of the refractive index, so what enters a denser medium is weighed by 1 / eta^2.
+Rough glass is a random walk between microfacets, facet_walk.py, which loses no light, and has no density: nothing is
+aimed at through it. Its colour counts once, however many facets light meets. Radiance scales with the square of the
+refractive index, so what enters a denser medium is weighed by 1 / eta^2.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from wall.core.jit import inline_kernel
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.cuts import way_left
-from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS, sample_facet, slope_loss
+from wall.tracing.kernels.facet_walk import fresnel, walk
+from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS
 from wall.tracing.kernels.surface import material_of, seen_from_inside
 from wall.tracing.kernels.values import ONE, ZERO
 
-HALF, TWO = np.float32(0.5), np.float32(2.0)
-
 
 @inline_kernel
-def fresnel(cosine, eta):
-    """Reflectance of unpolarised light and the cosine on the other side, 0 at total reflection.
-
-    cosine : > 0, to the normal, on the side where it comes from; eta : index of the other side over that of this one
-    """
-    square = ONE - (ONE - cosine * cosine) / (eta * eta)
-    if square <= ZERO:
-        return ONE, ZERO
-    other = math.sqrt(square)
-    across, along = (cosine - eta * other) / (cosine + eta * other), (eta * cosine - other) / (eta * cosine + other)
-    return HALF * (across * across + along * along), other
-
-
-@inline_kernel
-def sample(albedo, eta, roughness, out, choice, u, v):
+def sample(albedo, eta, roughness, out, numbers, seed):
     """A direction (z < 0: through the surface) and its weight, RGB.
 
     albedo : RGB tuple, what is left of light on either way; eta : index behind the surface over that before it
-    out : unit vector back along the ray, in the frame of the shading normal, z > 0; choice, u, v : in [0, 1)
+    out : unit vector back along the ray, in the frame of the shading normal, z > 0
+    numbers : three in [0, 1): reflect or refract, two of a facet; seed : uint32, for all facets after the first
     """
-    rough = roughness >= FLATTEST_ROUGHNESS
-    alpha = roughness * roughness
-    hx, hy, hz = ZERO, ZERO, ONE
-    if rough:
-        hx, hy, hz = sample_facet(out[0], out[1], out[2], alpha, u, v)
-    facing = out[0] * hx + out[1] * hy + out[2] * hz
-    reflected, other = fresnel(facing, eta)
-    if choice < reflected:
-        turn, scale, weight = TWO * facing, -ONE, ONE
+    if roughness >= FLATTEST_ROUGHNESS:
+        to, _ = walk(out, eta, roughness * roughness, numbers, seed)
+        weight = ONE if to[2] > ZERO else ONE / (eta * eta)
     else:
-        turn, scale, weight = facing / eta - other, -ONE / eta, ONE / (eta * eta)
-    to = (turn * hx + scale * out[0], turn * hy + scale * out[1], turn * hz + scale * out[2])
-    if (to[2] > ZERO) != (choice < reflected):
-        return to, (ZERO, ZERO, ZERO)
-    if rough:  # shadowing towards the light, given that of the eye's side
-        seen = slope_loss(out[2], alpha)
-        weight *= (ONE + seen) / (ONE + seen + slope_loss(abs(to[2]), alpha))
+        reflected, other = fresnel(out[2], eta)
+        if numbers[0] < reflected:
+            to, weight = (-out[0], -out[1], out[2]), ONE
+        else:
+            scale, turn = -ONE / eta, out[2] / eta - other
+            to = scale * out[0], scale * out[1], turn + scale * out[2]
+            weight = ONE / (eta * eta) if to[2] <= ZERO else ZERO
     return to, (weight * albedo[0], weight * albedo[1], weight * albedo[2])
 
 

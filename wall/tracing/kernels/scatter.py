@@ -9,16 +9,18 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel
+from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
 from wall.tracing.kernels import glass, opaque, rows, thin_glass
 from wall.tracing.kernels.bsdf import mirrored
-from wall.tracing.kernels.ggx import frame_of, in_world
+from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS, frame_of, in_world
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.surface import material_of, seen_from_inside
 from wall.tracing.kernels.terminator import facing
 from wall.tracing.kernels.textures import roughness_of
 from wall.tracing.kernels.values import ONE, ZERO
 
+TWO = np.float32(2.0)
 FLATTEST = np.float32(1e-3)  # smallest cosine of a ray to a shading normal; below, the geometric normal is taken
 
 
@@ -75,8 +77,9 @@ def scatter(lane, placements, table, scattering, work):
     if choice < through:
         numbers = choice / through, u, v
         to, weight = through_glass(
-            scattering.thin_glass, scattering.interface, albedo, rough, out, numbers, lane, placements, material, work
-        )
+            scattering.thin_glass, scattering.solid_glass, scattering.interface, rough, out, numbers, lane, placements,
+            material, work,
+        )  # fmt: skip
         density = -ONE
     else:
         rest = ONE - through - mirror
@@ -87,20 +90,26 @@ def scatter(lane, placements, table, scattering, work):
     x, y, z = in_world(to, s, t, n)
     side = x * gx + y * gy + z * gz
     if (side > ZERO) != (to[2] > ZERO):  # the shading normal sends it to the wrong side
+        if density < ZERO and rough >= FLATTEST_ROUGHNESS:  # of rough glass, which would lose it at every bounce
+            return (x - TWO * side * gx, y - TWO * side * gy, z - TWO * side * gz), weight, density
         allowed = density > ZERO and facing(scattering.rounded, to[2], side, lane, p) > ZERO
         weight = weight if allowed else (ZERO, ZERO, ZERO)
     return (x, y, z), weight, density
 
 
 @inline_kernel
-def through_glass(thin, interface, albedo, rough, out, numbers, lane, placements, material, work):
+def through_glass(thin, solid, interface, rough, out, numbers, lane, placements, material, work):
     """A direction in which a path goes on from glass of a MATERIAL and its weight, RGB.
 
-    thin, interface : see Scattering; numbers : three in [0, 1); placements : see Meshes
+    thin, solid, interface : see Scattering; numbers : three in [0, 1); placements : see Meshes
     """
-    choice, u, v = numbers
+    albedo, bits = xyz(work.packet, rows.ALBEDO_R, lane), work.bits
     if thin is not None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
         if material["thin"] > ZERO:
+            choice, u, v = numbers
             return thin_glass.sample(albedo, material["ior"], rough, interface, out, choice, u, v)
-    eta = ONE / material["ior"] if seen_from_inside(placements, lane, work) else material["ior"]
-    return glass.sample(albedo, eta, rough, out, choice, u, v)
+    if solid is not None:
+        eta = ONE / material["ior"] if seen_from_inside(placements, lane, work) else material["ior"]
+        seed = hash_uint32(hash_uint32(bits[rows.KEY + lane], bits[rows.NUMBER + lane]), bits[rows.DIRECTION_U + lane])
+        return glass.sample(albedo, eta, rough, out, numbers, seed)
+    return out, (ZERO, ZERO, ZERO)

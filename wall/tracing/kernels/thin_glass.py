@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel
+from wall.tracing.kernels.facet_walk import fresnel
 from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS, sample_facet, slope_loss
-from wall.tracing.kernels.glass import fresnel
 from wall.tracing.kernels.opaque import interface_albedo
 from wall.tracing.kernels.values import ONE, ZERO
 

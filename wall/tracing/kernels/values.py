@@ -125,6 +125,7 @@ class Scattering(NamedTuple):
 
     metallic_roughness_textures: bool | None  # None: there are none, or no path needs them
     thin_glass: bool | None  # None: there is none, or no path meets it
+    solid_glass: bool | None  # the same
     interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
     rounded: bool | None  # None: no mesh has normals at its vertices, so no ray starts above its triangle
 
