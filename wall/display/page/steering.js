@@ -140,7 +140,7 @@ export class Steering {
     const onScroll = e.target.closest?.(".scroll");
     if (e.key in ARROWS && !onScroll && e.target.type !== "radio" && e.target.type !== "range") this.#arrow(e);
     else if (e.key === " " && !onControl && !onScroll) this.pause();
-    else if (e.key === "Tab" && !e.shiftKey && !onControl && this.actions.next?.()) { /* the next view */ }
+    else if (e.key === "Enter" && !onControl && !onScroll) this.actions.select();
     else if (e.key === "+" || e.key === "=") this.#zoom(KEY_ZOOM);
     else if (e.key === "-" || e.key === "_") this.#zoom(1 / KEY_ZOOM);
     else if (e.key === "]") this.#send({ kind: "expose", x: KEY_STOPS });
@@ -157,6 +157,8 @@ export class Steering {
     else if (key === "r") this.reset();
     else if (key === "b") this.actions.keep();
     else if (key === "v") this.actions.recall();
+    else if (key === "n") this.actions.next();
+    else if (key === "l") this.actions.focusMiddle();
     else if (key === "x") this.actions.hide();
     else if (key === "z") this.#send({ kind: "undo" });
     else if (key === "c") this.actions.compare();
