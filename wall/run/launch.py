@@ -181,7 +181,7 @@ def prepare(
     """
     say("loading the scene")
     plan = replace(make_plan(layout), cores=max(len(os.sched_getaffinity(0)) // processes, 1) if processes else 1)
-    for note in plan.scene.notes:
+    for note in (*layout.notes, *plan.scene.notes):
         say(f"note: {note}")
     say("building the ray tracing trees")
     tracer_scene = make_tracer_scene(plan.scene)
