@@ -20,7 +20,8 @@ def layout_of(graph: str, *, up: str = "[0, 1, 0]") -> Layout:
 version: 1
 scene: {{source: cornell}}
 wall: {{grid: {{columns: 2, rows: 1, pixels: [8, 6], size: [0.8, 0.6]}}}}
-views: [{{id: main, panels: [r0c0], sampling: {{method: hilbert}}, camera: {{up: {up}}}}}, {{id: other, panels: [r0c1]}}]
+views: [{{id: main, panels: [r0c0], sampling: {{method: hilbert}}, camera: {{up: {up}}}}},
+  {{id: other, panels: [r0c1]}}]
 sampling: {{method: framed}}
 graph: {graph}
 """
