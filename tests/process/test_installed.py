@@ -40,7 +40,7 @@ def built(folder: Path) -> Path:
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, source)
     [wanted] = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
-    found = importlib.metadata.version("setuptools")
+    found = next((each.version for each in importlib.metadata.distributions(name="setuptools")), "0")
     uv = shutil.which("uv", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
     ways: list[list[object]] = []
     if uv is not None:
