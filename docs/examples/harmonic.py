@@ -18,6 +18,7 @@ points = np.stack([radius * np.sin(fall) * np.sin(turn), radius * x, radius * np
 
 head = "# vtk DataFile Version 3.0\nspherical harmonic 5, 3\nBINARY\nDATASET STRUCTURED_GRID\n"
 with open(sys.argv[1] if len(sys.argv) > 1 else "harmonic.vtk", "wb") as file:
-    file.write(f"{head}DIMENSIONS {AROUND} {DOWN} 1\nPOINTS {AROUND * DOWN} float\n".encode() + points.astype(">f4").tobytes())
+    file.write(f"{head}DIMENSIONS {AROUND} {DOWN} 1\nPOINTS {AROUND * DOWN} float\n".encode())
+    file.write(points.astype(">f4").tobytes())
     file.write(f"\nPOINT_DATA {AROUND * DOWN}\nSCALARS height float 1\nLOOKUP_TABLE default\n".encode())
     file.write(height.astype(">f4").tobytes() + b"\n")
