@@ -126,6 +126,10 @@ def test_tab_reaches_every_control_in_the_order_of_the_page_with_a_ring_around_i
     assert reached == IN_ORDER
     page.keyboard.press("Shift+Tab")
     assert page.evaluate(FOCUSED)[0] == IN_ORDER[-2], "and back"
+    page.locator("#wall").click(position={"x": 60, "y": 80})
+    assert page.evaluate(FOCUSED) == ["wall", False], "no ring for a pointer"
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate(FOCUSED) == ["wall", ACCENT]
 
 
 def test_keys_select_and_focus_at_the_middle_of_the_view_or_the_panel_nearest_to_it(page, source):

@@ -95,6 +95,7 @@ export class Steering {
   #down(e) {
     if (e.pointerType === "mouse" && e.button !== 0 && e.button !== 2) return;
     this.#surface.focus({ preventScroll: true });
+    this.#surface.classList.add("by-pointer");               // no ring, until a key is used
     if (e.button === 0 && this.actions.focus?.(e)) {
       e.preventDefault();
       return;
@@ -135,6 +136,7 @@ export class Steering {
   }
 
   #key(e) {
+    this.#surface.classList.remove("by-pointer");
     if (e.ctrlKey || e.metaKey || e.altKey || document.querySelector("dialog[open]") && e.key !== "h") return;
     const onControl = e.target.closest?.("button, input, a");
     const onScroll = e.target.closest?.(".scroll");
