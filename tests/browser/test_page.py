@@ -8,6 +8,8 @@ import urllib.request
 import pytest
 from page_input import drag, eventually, find, middle
 
+from wall.display.base import ParameterState
+
 pytestmark = pytest.mark.browser
 
 # RGB in the middle of every panel's canvas, by panel id, as the page has drawn it
@@ -254,20 +256,44 @@ def test_another_sites_page_cannot_steer(page, source, chromium):
     assert outcome == "refused"
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 800), (1000, 700), (1920, 600), (800, 1024)])
-def test_everything_fits_whatever_the_window(page, width, height):
-    page.set_viewport_size({"width": width, "height": height})
-    page.wait_for_timeout(150)
-    sizes = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
-    assert sizes[0] <= sizes[1]  # nothing to scroll sideways
-    box = page.locator("#wall").bounding_box()
-    assert box["x"] >= 0
-    assert box["x"] + box["width"] <= width
-    assert box["width"] >= 0.35 * width
-    if width < 900:  # a finger's tip, 44 CSS pixels, finds each of them
-        sizes = page.evaluate("""() => [...document.querySelectorAll('button, .button, .choice label')]
-          .filter((e) => e.offsetParent).map((e) => e.getBoundingClientRect()).map((r) => [r.width, r.height])""")
-        assert min(map(min, sizes)) >= 44
+SIZES = [(390, 800), (800, 1024), (1000, 700), (1280, 720), (1440, 900), (1920, 600), (1920, 1080), (3840, 2160)]
+# Pairs of things on the page that lie over each other, and things that are wider than what holds them
+CROWDED = """() => {
+  const shown = (e) => e.offsetParent && !(e.closest('.facts') && e.offsetTop >= e.closest('.facts').offsetTop + 20);
+  const all = '.mark, .state, .facts div, .tools > *, .wall, .controls > *, .card', words = 'button, .button';
+  const boxes = [...document.querySelectorAll(all)].filter(shown).map((e) => [e, e.getBoundingClientRect()]);
+  const over = (a, b) => a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1;
+  const name = (e) => e.id || e.className || e.innerText;
+  const pairs = boxes.flatMap(([e, a], k) =>
+    boxes.slice(k + 1).filter(([, b]) => over(a, b)).map(([f]) => [name(e), name(f)]));
+  const cut = [...document.querySelectorAll(words)].filter((e) => e.offsetParent && e.scrollWidth > e.clientWidth + 1);
+  const out = [...document.querySelectorAll('.choice span')].filter((e) => e.offsetParent
+    && e.getBoundingClientRect().right > e.closest('.choice').getBoundingClientRect().right);
+  return [...pairs, ...cut.map(name), ...out.map(name)]; }"""
+
+
+def test_everything_fits_whatever_the_window(page, source):
+    """With all that the bar may hold: a lens to focus, cameras that were kept, and the word while it is paused."""
+    source.bookmarks, source.paused = (1, 2), True
+    source.offered = (
+        ParameterState(name="lens.focus", kind="number", low=0.1, high=9.0, unit="", default=(3.0,), value=(3.0,)),
+    )
+    page.wait_for_selector("#focus:not([hidden])")
+    find(page, "[data-bookmark='2']")
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_timeout(150)
+        sizes = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+        assert sizes[0] <= sizes[1], (width, "nothing to scroll sideways")
+        box = page.locator("#wall").bounding_box()
+        assert box["x"] >= 0, width
+        assert box["x"] + box["width"] <= width, width
+        assert box["width"] >= 0.35 * width, width
+        assert page.evaluate(CROWDED) == [], width
+        if width < 900:  # a finger's tip, 44 CSS pixels, finds each of them
+            sizes = page.evaluate("""() => [...document.querySelectorAll('button, .button, .choice label')]
+              .filter((e) => e.offsetParent).map((e) => e.getBoundingClientRect()).map((r) => [r.width, r.height])""")
+            assert min(map(min, sizes)) >= 44, width
 
 
 def test_cameras_are_kept_and_gone_back_to(page, source):

@@ -218,7 +218,7 @@ def test_drag_and_wheel_over_a_very_large_image_move_it_and_no_camera(page, sour
     assert source.values["nodes.photo.y"][0] == pytest.approx(0.5 - 6 / 60 * 2**-zoom, abs=2e-3)
     assert {command["kind"] for command in source.received} == {"set"}
     source.received.clear()
-    page.keyboard.press("Tab")
+    page.keyboard.press("n")
     page.keyboard.press("+")
     eventually(page, lambda: source.received and source.received[-1]["kind"] == "zoom", "keys steer the camera again")
     page.mouse.move(box["x"] - 0.7 * box["width"], box["y"] + box["height"] / 2)

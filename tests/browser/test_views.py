@@ -1,4 +1,4 @@
-"""Several views: Tab goes on to the next, a drag steers what is beneath the pointer, and each has its sampler."""
+"""Several views: a key goes on to the next, a drag steers what is beneath the pointer, and each has its sampler."""
 
 from __future__ import annotations
 
@@ -42,20 +42,23 @@ def orbits(source: Any) -> list[int]:
     return [command.get("view", 0) for command in source.received if command["kind"] == "orbit"]
 
 
-def test_tab_steers_the_next_view_and_outlines_it(page: Any, source: Any) -> None:
+def test_n_steers_the_next_view_and_outlines_it(page: Any, source: Any) -> None:
     assert steered(page) == "main"
     page.focus("#wall")
-    page.keyboard.press("Tab")
+    page.keyboard.press("n")
     assert steered(page) == "map"
     assert page.locator(".outline").count() == 2, "one part on each panel"
     page.keyboard.press("ArrowLeft")
     eventually(page, lambda: set(orbits(source)) == {1}, "the map turns")
-    page.focus("#wall")
-    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    eventually(page, lambda: source.received[-1]["kind"] == "select", "what the map shows is selected")
+    assert (source.received[-1]["x"], source.received[-1]["y"]) == pytest.approx((0.55, 0.125), abs=0.01)
+    page.keyboard.press("n")
     assert steered(page) == "main"
-    page.focus("#wall")
     page.keyboard.press("ArrowLeft")
     eventually(page, lambda: orbits(source)[-1] == 0, "the main view turns")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.name") == "steered", "Tab leaves the wall, of several views too"
 
 
 def test_a_drag_steers_what_is_beneath_the_pointer(page: Any, source: Any) -> None:

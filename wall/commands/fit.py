@@ -6,7 +6,7 @@ import math
 
 from wall.config.loading import Loaded
 
-STEP = 8  # pixels; sizes of panels are multiples of it
+STEP = 8  # pixels; widths of panels are multiples of it
 LEAST = 64  # pixels of a panel's side
 
 
@@ -28,9 +28,9 @@ def fitted(loaded: Loaded, cores: int) -> tuple[Loaded, str]:
 
 
 def _fewer(pixels: tuple[int, int], share: float) -> tuple[int, int]:
-    """A panel's pixels across and down, of which a share is left, in about the same shape."""
-    scale = math.sqrt(share)
-    across, down = (min(n, max(LEAST, STEP * round(scale * n / STEP))) for n in pixels)
+    """A panel's pixels across and down, of which a share is left, in the same shape: square ones stay square."""
+    across = min(pixels[0], max(LEAST, STEP * round(math.sqrt(share) * pixels[0] / STEP)))
+    down = min(pixels[1], max(LEAST, round(pixels[1] * across / pixels[0])))
     return across, down
 
 

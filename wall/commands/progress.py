@@ -85,12 +85,13 @@ class StartProgress:
             webbrowser.open(address)
 
     def _follow_compiler(self) -> None:
-        """Advance the bar with the kernels that appear in the cache."""
+        """Advance the bar with the kernels that appear in the cache; it has no end where about as many were there."""
         from wall.core.jit import compiled_kernels, kernels_made
 
         before = compiled_kernels()
         while self._compiling.is_set():
-            self._bar.update(self._task, total=kernels_made(), completed=compiled_kernels() - before)
+            missing = kernels_made() - before
+            self._bar.update(self._task, total=missing if missing > 0 else None, completed=compiled_kernels() - before)
             time.sleep(POLL_S)
 
     def _stop(self) -> None:

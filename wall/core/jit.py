@@ -15,8 +15,8 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ os.environ.setdefault("NUMBA_SLP_VECTORIZE", "1")  # four neighbours in an array
 import numba
 import numba.np.linalg
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.event import Event, Listener, register
+from numba.core.event import Event, Listener, install_listener, register
 from numba.core.runtime.nrt import rtsys
 
 from wall.core.garbage import collect_rarely
@@ -112,6 +112,27 @@ class _Settings(Listener):
 
 
 register("numba:compile", _Settings())  # type: ignore[no-untyped-call]
+
+
+class _Notice(Listener):
+    """Calls a function when a kernel is about to be compiled."""
+
+    def __init__(self, act: Callable[[], None]) -> None:
+        self._act = act
+
+    def on_start(self, event: Event) -> None:
+        """Call it."""
+        self._act()
+
+    def on_end(self, event: Event) -> None:
+        """Nothing."""
+
+
+@contextmanager
+def when_compiling(act: Callable[[], None]) -> Iterator[None]:
+    """Call `act` before each kernel that this process compiles meanwhile: not before those that the cache has."""
+    with install_listener("numba:compile", _Notice(act)):
+        yield
 
 
 def strict_inline_kernel(function: Callable[..., Any]) -> Any:

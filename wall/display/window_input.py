@@ -2,7 +2,7 @@
 
 Drag: orbit; right button or shift: pan; wheel, + and -: zoom; arrows: orbit, with shift pan; [ and ]: exposure;
 comma and period: back and forth in time; space: pause; r: reset; z: undo; Escape: the run ends. A drag and the wheel
-steer the view beneath the pointer, keys the one that was steered last; Tab goes on to the next one.
+steer the view beneath the pointer, keys the one that was steered last; n or Tab goes on to the next one.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class InputHandler:
             self._seek += _SEEKS[key]
         elif action == glfw.PRESS and key in _ONCE:
             self._once.append(_ONCE[key])
-        elif key == glfw.KEY_TAB and not modifiers & glfw.MOD_SHIFT:
+        elif key in (glfw.KEY_N, glfw.KEY_TAB) and not modifiers & glfw.MOD_SHIFT:
             self._close()
             self._views.next()
         elif key == glfw.KEY_ESCAPE:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from wall.config.loading import Loaded
+from wall.config.views import CameraConfig
 from wall.core.errors import ConfigError
 from wall.geometry.eyes import eye_of, panel_path, standing_eye
 from wall.geometry.folded_overlaps import folded_overlaps
@@ -196,10 +197,24 @@ def _scattered(loaded: Loaded, wall: Wall) -> Iterator[str]:
 
 def _tilted(loaded: Loaded, wall: Wall) -> Iterator[str]:
     for k, view in enumerate(loaded.config.views):
-        x, y, z = view.camera.up
-        if y < LEVEL * math.hypot(x, y, z):
-            said = "the sky, and lights that no file names, keep y upright; scene: {up: z} turns models of z up instead"
-            yield str(loaded.error(("views", k, "camera", "up"), said))
+        up = view.camera.up
+        if up[1] >= LEVEL * math.hypot(*up) or _looks_along_y(view.camera):
+            continue
+        longest = max(range(3), key=lambda axis: abs(up[axis]))
+        letter = "-" * (up[longest] < 0.0) + "xyz"[longest]
+        said = (
+            f"sky, ground, and lights that no file names keep y upright; scene: {{up: {letter}}} turns .obj, .ply and "
+            f".stl models of {letter} up instead, up: {letter} at an entry of scene.data its file"
+        )
+        yield str(loaded.error(("views", k, "camera", "up"), said))
+
+
+def _looks_along_y(camera: CameraConfig) -> bool:
+    """Whether a camera looks down, as on a map, or up: then y cannot be up in its image."""
+    if camera.position is None or camera.target is None:
+        return False
+    way = [b - a for a, b in zip(camera.position, camera.target, strict=True)]
+    return abs(way[1]) > LEVEL * math.hypot(*way)
 
 
 Question = Callable[[Loaded, Wall], Iterator[str]]

@@ -191,7 +191,7 @@ def prepare(
     """
     say("loading the scene")
     plan = replace(make_plan(layout), cores=max(len(os.sched_getaffinity(0)) // processes, 1) if processes else 1)
-    for note in plan.scene.notes:
+    for note in (*layout.notes, *plan.scene.notes):
         say(f"note: {note}")
     if ranks:
         check_started(plan, ranks, forked=not under_mpi(), host=socket.gethostname())

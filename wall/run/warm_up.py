@@ -20,7 +20,7 @@ from wall.core.clock import ManualClock
 from wall.core.colour import srgb_curve
 from wall.core.data import SAMPLE, Batch, Framelet, Rect, Region
 from wall.core.errors import ConfigError
-from wall.core.jit import cache_root, compiled_kernels
+from wall.core.jit import cache_root, compiled_kernels, when_compiling
 from wall.display.tiles import changed_tiles
 from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
@@ -36,7 +36,7 @@ from wall.scene.needs import needs
 from wall.scene.picking import Picking
 from wall.tracing.tracer_scene import TracerScene
 
-ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one may lack a few
+ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled; for the few that another one lacks no second compiler
 ADAPTIVE = "adaptive"  # last of all samplers: the second compiler has begun with it
 TINY = Rect(x=0, y=0, width=8, height=8)
 
@@ -66,17 +66,33 @@ def warm_up(
     `headless`: see usable_samplers; `beside`: while a wall runs in this process, which then must not fork.
     """
     methods = usable_samplers(plan, headless=headless)
-    doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
-    apart = doing == "compiling" and not beside and ADAPTIVE in methods
+    apart = compiled_kernels() < ENOUGH_KERNELS and not beside and ADAPTIVE in methods
     second = _second_compiler(plan) if apart else nullcontext()
-    with _one_compiler(), second:
+    stages = _Stages(say)
+    with _one_compiler(), second, when_compiling(stages.compiles):
         for method in methods:
-            say(f"{doing} kernels ({method})")
+            stages.begin(method)
             _one_pixel_block(plan, tracer_scene, method)
-        say(f"{doing} kernels (compositing)")
+        stages.begin("compositing")
         _layers(plan, tracer_scene)
         _operators(plan)
         _between(plan)
+
+
+class _Stages:
+    """Says of each stage that its kernels are loaded, or compiled: from the first that the cache lacks."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say, self._doing, self._stage = say, "loading", ""
+
+    def begin(self, stage: str) -> None:
+        self._stage = stage
+        self._say(f"{self._doing} kernels ({stage})")
+
+    def compiles(self) -> None:
+        if self._doing == "loading":
+            self._doing = "compiling"
+            self.begin(self._stage)
 
 
 @contextmanager

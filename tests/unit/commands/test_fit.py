@@ -6,6 +6,7 @@ from pathlib import Path
 
 from wall.commands.fit import fitted, with_share
 from wall.config.loading import Loaded, load
+from wall.roles.plan import make_layout
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -13,8 +14,9 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 def test_a_demo_on_two_cores_has_half_of_its_pixels_and_says_so() -> None:
     loaded, said = fitted(load(CONFIGS / "demo.yaml"), 2)
     assert loaded.config.wall.grid is not None
-    assert loaded.config.wall.grid.pixels == (336, 192)  # sqrt(1/2) of 480x270, in steps of 8
-    assert said.startswith("2 cores for 4 panels: each has 336x192 pixels, not 480x270;")
+    assert loaded.config.wall.grid.pixels == (336, 189)  # sqrt(1/2) of 480x270, in steps of 8 across
+    assert make_layout(loaded).notes == (), "pixels are square"
+    assert said.startswith("2 cores for 4 panels: each has 336x189 pixels, not 480x270;")
 
 
 def test_a_wall_with_a_core_for_each_panel_or_without_a_grid_stays_as_it_is() -> None:

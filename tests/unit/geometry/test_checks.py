@@ -37,11 +37,20 @@ def grid(keys: str) -> str:
     return f"  grid: {{columns: 2, rows: 2, pixels: [40, 30], size: [0.4, 0.3]{keys}}}"
 
 
-@pytest.mark.parametrize(("up", "noted"), [("[0, 0, 1]", True), ("[0, 1, 0.5]", False)])
-def test_a_camera_with_another_up_than_y_is_noted(up: str, noted: bool) -> None:
-    loaded = loads(HEAD.replace("id: main", f"id: main, camera: {{up: {up}}}") + grid("") + "\n", name="a.yaml")
+@pytest.mark.parametrize(
+    ("camera", "key"),
+    [
+        ("up: [0, 0, 1]", "scene: {up: z}"),
+        ("up: [-3, 0, 1]", "scene: {up: -x}"),
+        ("up: [0, 0, 1], position: [9, 2, 3], target: [0, 0, 0]", "scene: {up: z}"),
+        ("up: [0, 1, 0.5]", ""),
+        ("up: [0, 0, -1], position: [0, 24, 0.01], target: [0, 0, 0]", ""),  # a map
+    ],
+)
+def test_a_camera_with_another_up_than_y_is_noted_with_the_key_that_turns_models(camera: str, key: str) -> None:
+    loaded = loads(HEAD.replace("id: main", f"id: main, camera: {{{camera}}}") + grid("") + "\n", name="a.yaml")
     notes = check_wall(loaded, expand(loaded.config.wall))
-    assert ["views[0].camera.up" in note and "scene: {up: z}" in note for note in notes] == [True] * noted
+    assert ["views[0].camera.up" in note and key in note for note in notes] == [True] * bool(key)
 
 
 def test_sizes_that_must_be_millimetres_are_noted() -> None:

@@ -129,7 +129,7 @@ def test_the_wheel_steers_the_view_beneath_the_pointer_keys_the_same_one_tab_the
             scroll(display, (100, 70))
             nearer, same = cameras(after={"kind": "zoom"})
             assert nearer != main
-            press(display, XK.XK_Tab, (100, 70))
+            press(display, XK.XK_n, (100, 70))
             press(display, XK.XK_r, (100, 70))
             assert cameras(after={"kind": "reset", "view": 1}) == [nearer, plan_view]
             assert same != plan_view

@@ -19,6 +19,7 @@ from wall.display.image_file import CHANNELS
 from wall.sampling.pixel_layers import LAYERS
 
 SIZE = (64, 48)
+HARMONIC, HEAD = "configs/harmonic.vtk", 119  # bytes before its points
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 SCENE = wall.Scene("courtyard")
 
@@ -90,6 +91,17 @@ class TestLayers:
         monkeypatch.setattr(sys, "argv", [f"{name}.py", "48x32"])
         runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
         assert [path.suffix for path in tmp_path.iterdir()] == [".png"]
+
+    def test_the_surface_of_a_configuration_is_what_its_example_writes(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(sys, "argv", ["harmonic.py", str(tmp_path / "made.vtk")])
+        runpy.run_path(str(EXAMPLES / "harmonic.py"), run_name="__main__")
+        made, shipped = (file.read_bytes() for file in (tmp_path / "made.vtk", EXAMPLES.parents[1] / HARMONIC))
+        assert made[:HEAD] == shipped[:HEAD]
+        assert len(made) == len(shipped)
+        points, there = (np.frombuffer(file, ">f4", 3 * 97 * 49, HEAD) for file in (made, shipped))
+        np.testing.assert_allclose(points, there, atol=1e-6)  # sines of other processors
 
 
 @pytest.mark.parametrize(

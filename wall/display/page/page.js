@@ -174,27 +174,48 @@ class Pictures {
 
 // Alt and click, or the button and then a click, focuses at what is shown there. Returns whether the click was for that.
 function focusAt(event) {
-  const aiming = focusButton.getAttribute("aria-pressed") === "true";
-  if (focusButton.hidden || !(aiming || event.altKey)) return false;
+  if (focusButton.hidden || !(aiming() || event.altKey)) return false;
   const place = wall.at(event.clientX, event.clientY);
   if (place) send({ kind: "focus", ...place });
-  if (aiming) toggleFocus();
+  if (aiming()) toggleFocus();
   return true;
 }
 
+function aiming() { return focusButton.getAttribute("aria-pressed") === "true"; }
+
 function toggleFocus() {
-  const aims = focusButton.getAttribute("aria-pressed") !== "true";
+  const aims = !aiming();
   focusButton.setAttribute("aria-pressed", aims);
   document.getElementById("wall").classList.toggle("aiming", aims);
 }
 
 // A double click selects an object: the panel of parameters has those of it.
-document.getElementById("wall").ondblclick = (event) => {
-  const place = wall.at(event.clientX, event.clientY);
+document.getElementById("wall").ondblclick = (event) => select(wall.at(event.clientX, event.clientY));
+
+function select(place) {
   if (!place) return;
   send({ kind: "select", ...place });
   if (groups.hidden) toggleParameters();
-};
+}
+
+// Keys do at the middle of the steered view what clicks do elsewhere, and show where that is.
+function selectMiddle() {
+  if (aiming()) focusMiddle();
+  else select(pointAtMiddle());
+}
+
+function focusMiddle() {
+  if (focusButton.hidden) return;
+  const place = pointAtMiddle();
+  if (place) send({ kind: "focus", ...place });
+  if (aiming()) toggleFocus();
+}
+
+function pointAtMiddle() {
+  const place = viewports.middle();
+  if (place) wall.mark(place);
+  return place;
+}
 
 // A drag or the wheel steers what is beneath the pointer.
 function takeView(event) {
@@ -207,7 +228,6 @@ function takeView(event) {
 function nextView() {
   zoomed.release();
   if (viewports.several) viewports.next();
-  return viewports.several;
 }
 
 function toggleDetails() {
@@ -246,6 +266,8 @@ steering.actions = {
   parameters: toggleParameters,
   hide: () => parameters.toggleObject(),
   focus: focusAt,
+  focusMiddle,
+  select: selectMiddle,
   keep: () => bookmarks.keep(),
   recall: () => bookmarks.next(),
   take: takeView,

@@ -200,8 +200,8 @@ export class Readout {
 function drawLatency(c, { w, h, recent, marks }) {
   const style = getComputedStyle(document.documentElement);
   const color = (name) => style.getPropertyValue(name).trim();
-  const axis = 34, base = h - 0.5, STEP = 4, BAR = 3;
-  c.font = `11px ${style.getPropertyValue("--sans")}`;
+  const axis = 3 * parseFloat(style.getPropertyValue("--small")) + 1, base = h - 0.5, STEP = 4, BAR = 3;
+  c.font = `${style.getPropertyValue("--small")} ${style.getPropertyValue("--sans")}`;
   c.textBaseline = "middle";
   if (!recent.length) {
     c.fillStyle = color("--muted");

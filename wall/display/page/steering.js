@@ -95,6 +95,7 @@ export class Steering {
   #down(e) {
     if (e.pointerType === "mouse" && e.button !== 0 && e.button !== 2) return;
     this.#surface.focus({ preventScroll: true });
+    this.#surface.classList.add("by-pointer");               // no ring, until a key is used
     if (e.button === 0 && this.actions.focus?.(e)) {
       e.preventDefault();
       return;
@@ -135,12 +136,13 @@ export class Steering {
   }
 
   #key(e) {
+    this.#surface.classList.remove("by-pointer");
     if (e.ctrlKey || e.metaKey || e.altKey || document.querySelector("dialog[open]") && e.key !== "h") return;
     const onControl = e.target.closest?.("button, input, a");
     const onScroll = e.target.closest?.(".scroll");
     if (e.key in ARROWS && !onScroll && e.target.type !== "radio" && e.target.type !== "range") this.#arrow(e);
     else if (e.key === " " && !onControl && !onScroll) this.pause();
-    else if (e.key === "Tab" && !e.shiftKey && !onControl && this.actions.next?.()) { /* the next view */ }
+    else if (e.key === "Enter" && !onControl && !onScroll) this.actions.select();
     else if (e.key === "+" || e.key === "=") this.#zoom(KEY_ZOOM);
     else if (e.key === "-" || e.key === "_") this.#zoom(1 / KEY_ZOOM);
     else if (e.key === "]") this.#send({ kind: "expose", x: KEY_STOPS });
@@ -157,6 +159,8 @@ export class Steering {
     else if (key === "r") this.reset();
     else if (key === "b") this.actions.keep();
     else if (key === "v") this.actions.recall();
+    else if (key === "n") this.actions.next();
+    else if (key === "l") this.actions.focusMiddle();
     else if (key === "x") this.actions.hide();
     else if (key === "z") this.#send({ kind: "undo" });
     else if (key === "c") this.actions.compare();

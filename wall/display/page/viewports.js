@@ -1,4 +1,4 @@
-// Which view is steered: Tab goes on to the next one, a drag takes the one beneath the pointer.
+// Which view is steered: a key goes on to the next one, a drag takes the one beneath the pointer.
 
 import { check, fill } from "./choice.js";
 
@@ -19,7 +19,7 @@ export class Viewports {
     if (views.join() === this.#names.join()) return;
     this.#names = views;
     this.steered = 0;
-    fill($("steered"), "steered", views, (name) => `Steer ${name} (tab)`, (_, k) => this.steer(k));
+    fill($("steered"), "steered", views, (name) => `Steer ${name} (n: the next)`, (_, k) => this.steer(k));
     check($("steered"), views[0]);
   }
 
@@ -31,6 +31,20 @@ export class Viewports {
     this.steered = view;
     check($("steered"), this.#names[view]);
     this.#wall.outline(this.#places.filter((place) => place.view === view));
+  }
+
+  // What keys point at: the middle of what the steered view has of the wall, or the pixel of a panel that is nearest to
+  // it, for a bezel may be there. In fractions of the wall; undefined before there is one.
+  middle() {
+    const places = this.#places.filter((place) => place.view === this.steered);
+    const [x, y] = [["x", "width"], ["y", "height"]].map(([at, size]) =>
+      (Math.min(...places.map((p) => p[at])) + Math.max(...places.map((p) => p[at] + p[size]))) / 2);
+    const within = (p) => ({
+      u: Math.min(Math.max(x, p.x + 0.5), p.x + p.width - 0.5), v: Math.min(Math.max(y, p.y + 0.5), p.y + p.height - 0.5),
+    });
+    const away = ({ u, v }) => Math.hypot(u - x, v - y);
+    const [nearest] = places.map(within).sort((a, b) => away(a) - away(b));
+    return nearest && { x: nearest.u / this.#size.width, y: nearest.v / this.#size.height };
   }
 
   // Steer what is shown at a place, in fractions of the wall.

@@ -1,13 +1,13 @@
 // Show the wall: one canvas a panel at its true position, edges on whole device pixels. While two samplers are
 // compared there are two such faces, one over or beside the other.
 
-const DETAILS_WIDTH = 400;        // page.css, --details
 const BELOW_HEIGHT = 232;         // what the measurements need beneath the wall,
 const BELOW_ENOUGH = 344;         // and what they take when there is room
 const NARROW = 900;               // below this width everything is one scrolling column
 const FRAME = [0.012, 0.05];      // least and most width of the outer bezel, of the wall's height
 const TILE = 32;                  // pixels; wall/display/tiles.py
 const APART = 0.04;               // between two faces, of the wall's height
+const MARK = 0.04;                // width of what marks a place, of it too
 
 export class Wall {
   #element; #room; #controls; #layout = null; #frame = 0; #view = "single";
@@ -121,7 +121,8 @@ export class Wall {
     if (JSON.stringify(places) === JSON.stringify(this.#stale.map(({ place }) => place))) return;
     for (const { element } of this.#stale) element.remove();
     this.#stale = places.map((place) => {
-      const element = Object.assign(document.createElement("div"), { className: "stale", textContent: "no new samples" });
+      const element = Object.assign(document.createElement("div"), { className: "stale" });
+      element.append(Object.assign(document.createElement("span"), { textContent: "no new samples" }));
       const [x, y, width, height] = place;
       return { element, place, rect: { x, y, width, height } };
     });
@@ -139,6 +140,12 @@ export class Wall {
     });
     this.#faces[0]?.element.append(...this.#outlines.map(({ element }) => element));
     this.arrange();
+  }
+
+  // Outline a place, in fractions of the wall, for a moment.
+  mark({ x, y }) {
+    const { width, height } = this.#layout, half = MARK * height / 2;
+    this.outline([{ x: x * width - half, y: y * height - half, width: 2 * half, height: 2 * half }]);
   }
 
   arrange() {
@@ -209,12 +216,13 @@ export class Wall {
   #choosePlace(full) {
     const style = getComputedStyle(this.#room);
     const gap = parseFloat(style.columnGap) || 0, below = this.#below();
+    const details = parseFloat(style.getPropertyValue("--details"));
     const w = this.#room.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
     const h = this.#room.clientHeight - parseFloat(style.paddingTop) - parseFloat(style.paddingBottom) - below;
     const fit = (x, y) => Math.max(0.02, Math.min(x / full.width, y / full.height));
     const narrow = window.innerWidth < NARROW;
     const bare = document.body.classList.contains("bare");
-    const beside = fit(w - DETAILS_WIDTH - gap, h), beneath = fit(w, h - BELOW_HEIGHT - gap);
+    const beside = fit(w - details - gap, h), beneath = fit(w, h - BELOW_HEIGHT - gap);
     const kind = narrow ? "column" : bare ? "alone" : beside >= beneath ? "beside" : "beneath";
     this.#room.dataset.kind = kind;
     if (kind === "column") return fit(w, bare ? h : Math.max(0.62 * window.innerHeight, 160));
