@@ -35,6 +35,7 @@ RANKS = {
     "forest": 3,
     "galaxy": 2,
     "four_by_two_bezels": 9,
+    "harmonic": 2,
     "graphs/compositor_a_panel": 5,
     "graphs/compositor_tree": 11,
     "graphs/hybrid": 5,

@@ -17,6 +17,7 @@ from wall.transport.curve import Keys
 from wall.transport.factory import connect, open_hub
 
 HEARTBEAT_S = 0.02
+ROUNDING_S = 1e-6  # of differences of a clock that may have run for years
 PATIENCE_S = 10.0
 
 
@@ -54,7 +55,7 @@ def test_a_loop_that_is_held_up_is_said_to_be_until_it_speaks_and_not_after_its_
     assert all(isinstance(each, Alive) and each.rank == 1 for each in held)
     busy = [each.busy_s for each in held if isinstance(each, Alive)]
     assert busy == sorted(busy)
-    assert busy[0] >= 1.5 * HEARTBEAT_S
+    assert busy[0] >= 1.5 * HEARTBEAT_S - ROUNDING_S
     assert busy[-1] >= 4 * HEARTBEAT_S
     assert all(abs(each.time - time.monotonic()) < PATIENCE_S for each in held if isinstance(each, Alive))
 
