@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import enum
 import math
+import re
 from collections import deque
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -31,6 +32,9 @@ PREPARE_S = 600.0  # for all ranks to load a model, and to compile for it
 ADOPT_S = 5.0  # for all ranks to go over; who comes later finds the events there
 
 
+_PLACE = re.compile(r":\d+:\d+: ")  # in a text
+
+
 class Stage(enum.Enum):
     """How far a reload has come."""
 
@@ -48,6 +52,7 @@ class Asked:
     path: str
     client: int = 0  # of an EditRequest, which is answered; 0: of nobody
     request: int = 0  # its number
+    written: bool = True  # by somebody, who knows its lines; False: made of the configuration that runs, or before
     back: bool = False  # to the configuration before
 
     def answer(self, refused: str = "", *, edit: int = 0) -> Iterator[Send]:
@@ -124,7 +129,7 @@ class Reloading:
                 yield from self.ask(asked, now)
             elif request.changes:
                 text = edited(self._plan.layout.loaded.config, request.changes)
-                yield from self.ask(replace(asked, text=text), now)
+                yield from self.ask(replace(asked, text=text, written=False), now)
             else:
                 yield from self.undo(now, asked)
         except EditError as error:
@@ -139,7 +144,8 @@ class Reloading:
     def undo(self, now: float, asked: Asked | None = None) -> Iterator[Instruction]:
         """Go back to the configuration before. `asked`: by whom; None: by nobody who waits. Raises EditError."""
         former, asked = self._former[-1], asked or Asked(text="", path="")
-        yield from self.ask(replace(asked, text=text_of(former.config), path=str(former.path), back=True), now)
+        asked = replace(asked, text=text_of(former.config), path=str(former.path), written=False, back=True)
+        yield from self.ask(asked, now)
 
     def _message(self) -> Prepare:
         return Prepare(number=self._number, text=self._asked.text, path=self._asked.path)
@@ -208,6 +214,7 @@ class Reloading:
         yield from self._tell(edit=edit)
 
     def _refuse(self, why: str) -> Iterator[Instruction]:
+        why = why if self._asked.written else _PLACE.sub(": ", why)
         self._stage, self.said = Stage.NONE, f"refused, nothing has changed: {why}"
         yield from self._tell(why)
 

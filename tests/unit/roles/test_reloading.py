@@ -147,6 +147,15 @@ def test_changes_of_the_configuration_are_made_once_and_taken_back(plan: Plan) -
     assert refusals(led.tell(replace(back, number=4))) == ["there is no edit to undo"]
 
 
+def test_a_refusal_of_changes_names_no_line_which_nobody_wrote(plan: Plan) -> None:
+    led = Led(plan)
+    (make,) = led.tell(EditRequest(client=CLIENT, number=1, key=KEY, changes=["views.0.refresh_hz=-5"]))
+    with pytest.raises(ConfigError, match=r"^new.yaml:1:\d+: views\[0\].refresh_hz = -5") as refused:
+        loads(make.wanted.text, name="new.yaml")
+    (why,) = refusals(led.tell(PlanMade(1, None, str(refused.value))))
+    assert why.startswith("new.yaml: views[0].refresh_hz = -5: ")
+
+
 def test_a_viewer_takes_a_configuration_back(plan: Plan) -> None:
     led = Led(plan)
     led.adopted(led.tell(EditRequest(client=CLIENT, number=1, key=KEY, changes=["scene.source=gallery"])))

@@ -193,7 +193,7 @@ CASES = (
         reason="every path adds 1 + a + a^2 ..., only whether lamps are aimed at or met is by chance: the standard "
         "error of 65,536 paths is below 0.001",
         scene=f"The inside of a sphere of radiance 1 and albedo {GREY}, paths of {DEPTH} surfaces",
-        measure=closed_room, size=64, small=16, long=1024,
+        measure=closed_room, size=64, small=8, long=1024,
     ),
     Case(
         name="close_lamp", family="Light", unit="of the form factor's light", bound=0.01,
