@@ -66,7 +66,7 @@ def test_a_rank_whose_batches_take_long_is_not_lost_and_one_that_is_frozen_is(tm
     found = summary(out)
     assert run.returncode == 0, output
     assert found["lost"] == {}
-    assert found["silences"].keys() == {"2"}
+    assert "2" in found["silences"]
     assert found["busy_s"]["1"] > LOST_S
     assert found["busy_s"].get("2", 0.0) < FROZEN_S, "a process that stands still is not busy"
     assert found["stale_s"]["2"] > FROZEN_S - 0.6 - 0.3, "marked three heartbeats after it fell silent"

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from wall.roles.memory import memory_on_host
 from wall.roles.plan import Plan, on_one_machine
-from wall.run.host_memory import GB, MB, available_bytes, check_memory, parts_of, ranks_here, too_much
-from wall.run.usage import usage
+from wall.run.host_memory import GB, MB, SURELY, available_bytes, check_memory, parts_of, ranks_here, too_much
+from wall.run.usage import memory, usage
 
 
 def memory_lines(plan: Plan) -> Iterator[str]:
@@ -17,6 +17,7 @@ def memory_lines(plan: Plan) -> Iterator[str]:
     Raises ConfigError where a single rank that may come here needs more than is left.
     """
     loading, host, left = usage().peak_memory, socket.gethostname(), available_bytes()
+    left = None if left is None else left + memory()  # what this process has loaded is counted in what ranks need
     one = on_one_machine(plan)
     ranks = range(plan.layout.size)
     needed = memory_on_host(one, ranks, forked=True)
@@ -33,4 +34,5 @@ def memory_lines(plan: Plan) -> Iterator[str]:
     for rank in ranks_here(plan.layout, host):
         check_memory(one, [rank], forked=False, available=left, host="this machine")
     if left is not None and needed.total > left:
-        yield f"note: {too_much(needed, left, 'one machine')}; wall run refuses to start them all here"
+        refused = "; wall run refuses to start them all here" if needed.total > SURELY * left else ""
+        yield f"note: {too_much(needed, left, 'one machine')}{refused}"

@@ -30,10 +30,7 @@ FIRST_REQUEST_S = 5.0  # for a connection to ask for something that it may have
 MAX_SILENT = 64  # connections that have not done so yet; the oldest beyond are closed
 SWEEP_S = 0.25
 MOST_TOKEN_BYTES = 1024  # of a file
-RATE, BURST = (
-    500.0,
-    1000.0,
-)  # messages a second of one viewer, and at once: a page sends about 100; long ones are several
+RATE, BURST = 500.0, 1000.0  # messages a second of one viewer, and at once: a page sends 100; long ones are several
 
 
 class Gate:

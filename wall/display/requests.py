@@ -55,4 +55,8 @@ class Requests(Generic[V]):
         said["edit"] = answer.edit
         if asked["kind"] == "list":
             said |= {"parameters": list(answer.parameters), "left_out": answer.left_out}
-        return viewer, json.dumps(said, allow_nan=False)
+        try:
+            return viewer, json.dumps(said, allow_nan=False)
+        except ValueError as error:
+            refused = f"edit {answer.edit} holds, but the answer cannot be sent: {error}"
+            return viewer, json.dumps({"kind": "answer", "id": asked["id"], "refused": refused})

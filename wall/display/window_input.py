@@ -106,7 +106,9 @@ class InputHandler:
         self._done += [c | {"view": view} if view and c["kind"] in OF_ONE_VIEW else c for c in asked]
 
     def _take(self) -> None:
-        """Steer the view beneath the pointer."""
+        """Steer the view beneath the pointer; a drag stays with the one where it began."""
+        if self._held is not None:
+            return
         self._close()
         (a, b, c, d), (x, y) = self._turn, (at / size - 0.5 for at, size in zip(self._at, self._size, strict=True))
         self._views.take(self._window, a * x + b * y + 0.5, c * x + d * y + 0.5)

@@ -107,7 +107,7 @@ def _add(parent: Any, key: Step, value: Any) -> None:
 
 def _remove(parent: Any, key: Step, value: Any) -> None:
     before = parent[key] if isinstance(parent[key], list) else [parent[key]]
-    kept = [each for each, name in zip(before, _names(before), strict=True) if value not in (each, name)]
+    kept = [each for each, name in zip(before, _names(before), strict=True) if each != value and name != str(value)]
     if len(kept) == len(before):
         raise EditError(f"{value} is not in it; there are: {_some(_names(before))}")
     parent[key] = kept

@@ -20,6 +20,7 @@ from wall.roles.plan import HEAD
 
 GATHER_S = 0.05  # ranks that join within so long are told of together
 REPEAT_S = 2.0  # membership is said again
+USUAL = 3.0  # times as long as usual a rank may take for something new before it is marked
 PAUSE_S = 0.5  # the manager never waits so long by itself: what it did not listen to then is no silence
 NOT_YET = "has not come yet"  # how a place is lost that is new
 MOST_NOTES = 256  # that wait to be told; of more the newest
@@ -45,6 +46,7 @@ class Register:
         self._coming: set[int] = set()  # of those: those that were started again
         self._heard, self._began = dict.fromkeys(range(1, size), now), now  # by rank: when it gave a sign of life
         self._advanced: dict[int, float] = {}  # by rank: when it last had traced more, or nothing was to be traced
+        self._usual_s: dict[int, float] = {}  # by rank: between its two newest advances
         self._stuck: set[int] = set()  # ranks that were told of, since that is long ago
         self._absent: dict[int, float] = {}  # ranks that are not heard of any more, or stuck: since when
         self._marked_s: dict[int, float] = {}  # by rank: for how long that was so before
@@ -119,6 +121,7 @@ class Register:
         self._heard[sign.rank] = now
         if isinstance(sign, Heartbeat):
             if before is None or not sign.works or sign.samples_traced != before.samples_traced:
+                self._usual_s[sign.rank] = now - self._advanced.get(sign.rank, now)
                 self._advanced[sign.rank] = now
             return sign
         self.busy[sign.rank] = max(self.busy.get(sign.rank, 0.0), sign.busy_s)
@@ -145,7 +148,8 @@ class Register:
         late, marked_after_s = set[int](), transport.marked_after_s
         for rank, heard in self._heard.items():
             silence, stuck_s = now - heard, now - self._advanced.get(rank, heard)
-            stuck = stuck_s > max(transport.lost_after_s, marked_after_s)
+            patience_s = USUAL * self._usual_s.get(rank, 0.0)  # batches may take longer than ranks may be silent
+            stuck = stuck_s > max(transport.lost_after_s, marked_after_s, patience_s)
             if silence > marked_after_s or stuck:
                 late.add(rank)
             self._tell_stuck(rank, stuck_s if stuck and silence <= marked_after_s else 0.0)

@@ -112,7 +112,7 @@ class Reloading:
     def takes(self, request: EditRequest, editor: Editor) -> bool:
         """Whether a request wants another configuration; to undo does where no parameter was edited since the last."""
         undoes = request.undo > 0 and self.can_undo and not editor.can_undo and not editor.has_answered(request)
-        again = (request.client, request.number) == (self._asked.client, self._asked.request)
+        again = _same_request(asked_by(request, ""), self._asked)
         return bool(request.configuration or request.changes or undoes or again)
 
     def load(self, request: EditRequest, editor: Editor, now: float) -> Iterator[Instruction]:
@@ -123,6 +123,7 @@ class Reloading:
         asked = asked_by(request, str(self._plan.layout.loaded.path))
         try:
             editor.check_key(request)
+            _check_alone(request)
             if _same_request(asked, self._asked):
                 yield from self._answered
             elif request.configuration:
@@ -227,6 +228,14 @@ class Reloading:
 def asked_by(request: EditRequest, path: str) -> Asked:
     """What a request wants; `path`: of the run's own configuration."""
     return Asked(text=request.configuration, path=request.path or path, client=request.client, request=request.number)
+
+
+def _check_alone(request: EditRequest) -> None:
+    """Refuse a request for a configuration that wants more. Raises EditError."""
+    wanted = ("configuration", "changes", "undo", "assignments", "commands")
+    named = [name for name in wanted if getattr(request, name)]
+    if len(named) > 1:
+        raise EditError(f"{' and '.join(named)} at once: want one of them")
 
 
 def _same_request(one: Asked, other: Asked) -> bool:

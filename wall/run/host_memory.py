@@ -12,8 +12,11 @@ from wall.run.hosts import same_machine
 from wall.run.usage import memory
 
 GB, MB = 1e9, 1e6
+SURELY = 1.25  # times what is left: by so much what is worked out may be too much, see docs/guide/configuration.md
 NO_LIMIT = 1 << 60  # bytes: what version 1 of control groups says where there is none is near 2^63
 FEWER_PIXELS = "fewer pixels, or fewer sampling.samples_per_pixel"
+FILES_1 = ("total_inactive_file", "total_active_file")  # pages that the kernel drops where memory is wanted
+FILES_2 = ("inactive_file", "active_file")
 REMEDIES = {
     "images": f"{FEWER_PIXELS}, or more ranks on more machines",
     "framelets": "fewer pixels, or more compositors on more machines",
@@ -46,10 +49,10 @@ def _left_in_groups(proc: Path, groups: Path) -> Iterator[int]:
     for line in lines:
         _, controllers, path = line.split(":", 2)
         if controllers == "":  # version 2
-            root, names = groups, ("memory.max", "memory.current", "inactive_file")
+            root, names = groups, ("memory.max", "memory.current", FILES_2)
         elif "memory" in controllers.split(","):
             root = groups / "memory"
-            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", FILES_1)
         else:
             continue
         own = root / path.lstrip("/")
@@ -60,13 +63,13 @@ def _left_in_groups(proc: Path, groups: Path) -> Iterator[int]:
                 break
 
 
-def _left_in(folder: Path, limit: str, usage: str, dropped: str) -> int | None:
+def _left_in(folder: Path, limit: str, usage: str, dropped: tuple[str, ...]) -> int | None:
     """Of one group; None where it has no limit, or is not seen from here."""
     try:
         most = int((folder / limit).read_text(encoding="ascii"))  # "max": none
         used = int((folder / usage).read_text(encoding="ascii"))
         told = dict(line.split() for line in (folder / "memory.stat").read_text(encoding="ascii").splitlines())
-        files = int(told.get(dropped, 0))
+        files = sum(int(told.get(name, 0)) for name in dropped)
     except (OSError, ValueError):
         return None
     return None if most >= NO_LIMIT else max(0, most - max(0, used - files))
@@ -78,7 +81,7 @@ def check_memory(plan: Plan, ranks: Sequence[int], *, forked: bool, available: i
     `forked`: see memory_on_host; `available`: bytes, those that these ranks have taken already among them.
     """
     needed = memory_on_host(plan, ranks, forked=forked)
-    if available is not None and needed.total > available:
+    if available is not None and needed.total > SURELY * available:
         raise ConfigError(f"{plan.layout.loaded.path}: {too_much(needed, available, host)}")
     return needed
 

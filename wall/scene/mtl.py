@@ -112,8 +112,11 @@ def _covered(color: Image.Image | None, cover: Image.Image) -> Image.Image:
 
 
 def _grey(image: Image.Image) -> Image.Image:
-    """Eight bits of an image; Pillow would cut sixteen off at 255."""
-    return Image.fromarray((np.asarray(image) >> 8).astype(np.uint8)) if image.mode[0] == "I" else image.convert("L")
+    """Eight bits of an image; Pillow would cut sixteen, and floats of 0 to 1, off."""
+    if image.mode[0] in "IF":
+        values = np.asarray(image) / (1.0 if image.mode == "F" else 65535.0)
+        return Image.fromarray(np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8))
+    return image.convert("L")
 
 
 def lets_through(image: Image.Image) -> bool:

@@ -52,6 +52,11 @@ def test_views_come_and_go_and_are_told_by_their_ids(config: Config) -> None:
     assert changed(config, "views[0].refresh_hz=null") == usual
 
 
+def test_an_id_may_look_like_a_number(config: Config) -> None:
+    three = changed(config, "views+={id: '7', camera: auto, viewport: {left: 0, top: 0, width: 0.2, height: 0.2}}")
+    assert [view.id for view in changed(three, "views-=7").views] == ["main", "map"]
+
+
 def test_lists_and_mappings_that_are_not_there_are_made(config: Config) -> None:
     lit = changed(config, "scene.cuts+={position: [0, 1, 0], normal: [0, 1, 0]}", "scene.integrator.method=path")
     assert len(lit.scene.cuts) == 1

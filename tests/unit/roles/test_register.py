@@ -151,6 +151,18 @@ def test_a_rank_that_speaks_but_traces_nothing_though_it_has_work_is_marked_and_
     assert [[m.rank for m in each.members] for _, each in said if isinstance(each, Membership)] == [[HEAD, 1, 2]]
 
 
+def test_a_rank_whose_batches_always_take_long_is_told_of_once(elsewhere: Plan) -> None:
+    run, batch_s = Run(elsewhere), 1.5 * elsewhere.layout.config.transport.lost_after_s
+    run.tell(hello(HEAD), hello(1), hello(2), *run.beats(1, 2), after=GATHER_S)
+    began = run.now
+    while run.now < began + 10 * batch_s:
+        own = replace(run.beats(2)[0], samples_traced=int((run.now - began) / batch_s), works=True, complete=False)
+        run.tell(*run.beats(1), own, after=0.1)
+    told = [note for note in run.manager.register.take_notes() if note.level == "warning"]
+    assert [(note.rank, note.text.partition(",")[0]) for note in told] == [(2, "lives")]
+
+
+
 def test_a_rank_at_rest_is_not_marked_nor_is_one_that_traces_however_slowly(elsewhere: Plan) -> None:
     lost_after_s = elsewhere.layout.config.transport.lost_after_s
     run = stuck_run(elsewhere, after=3 * lost_after_s, works=False, complete=True)

@@ -156,6 +156,14 @@ def test_a_refusal_of_changes_names_no_line_which_nobody_wrote(plan: Plan) -> No
     assert why.startswith("new.yaml: views[0].refresh_hz = -5: ")
 
 
+def test_what_is_asked_with_a_configuration_is_not_dropped_in_silence(plan: Plan) -> None:
+    led = Led(plan)
+    both = EditRequest(client=CLIENT, number=1, key=KEY, changes=["views-=map"], assignments=[["exposure", 1]])
+    assert refusals(led.tell(both)) == ["changes and assignments at once: want one of them"]
+    nobody = EditRequest(client=0, number=0, key=KEY, undo=1)
+    assert refusals(led.tell(nobody)) == ["there is no edit to undo"]
+
+
 def test_a_viewer_takes_a_configuration_back(plan: Plan) -> None:
     led = Led(plan)
     led.adopted(led.tell(EditRequest(client=CLIENT, number=1, key=KEY, changes=["scene.source=gallery"])))

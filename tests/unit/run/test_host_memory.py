@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from wall.core.errors import ConfigError
 from wall.roles.memory import memory_on_host
 from wall.roles.plan import Plan, make_layout, make_plan, on_one_machine
 from wall.run import host_memory, launch
-from wall.run.host_memory import available_bytes, check_memory, ranks_here
+from wall.run.host_memory import SURELY, available_bytes, check_memory, ranks_here
 from wall.run.usage import Usage
 
 KB, GB = 1024, 10**9
@@ -41,7 +42,8 @@ def machine(folder: Path, files: dict[str, str]) -> int | None:
 
 def test_what_is_left_is_what_the_kernel_says_unless_a_group_may_take_less(tmp_path: Path) -> None:
     assert machine(tmp_path / "none", {}) == 4 * GB // KB * KB
-    of_group = {"memory.max": f"{3 * GB}", "memory.current": f"{2 * GB}", "memory.stat": f"anon 1\ninactive_file {GB}"}
+    files = f"anon 1\ninactive_file {GB // 4}\nactive_file {3 * GB // 4}"
+    of_group = {"memory.max": f"{3 * GB}", "memory.current": f"{2 * GB}", "memory.stat": files}
     parent = {f"groups/docker/{name}": text for name, text in of_group.items()}
     group = {"groups/docker/a/memory.max": "max", "groups/docker/a/memory.current": "0"}
     named = {"proc/self/cgroup": "0::/docker/a\n"}
@@ -68,12 +70,13 @@ def test_where_nothing_tells_what_is_left_nothing_is_refused(tmp_path: Path) -> 
 def test_a_refusal_says_where_how_much_how_much_there_is_and_what_to_lower() -> None:
     plan = on_one_machine(plan_of())
     needed = memory_on_host(plan, range(2), forked=True).total
-    check_memory(plan, range(2), forked=True, available=needed, host="node7")
+    enough = math.ceil(needed / SURELY)
+    check_memory(plan, range(2), forked=True, available=enough, host="node7")
     with pytest.raises(ConfigError) as refusal:
-        check_memory(plan, range(2), forked=True, available=needed - 1, host="node7")
+        check_memory(plan, range(2), forked=True, available=enough - 1, host="node7")
     text = str(refusal.value)
     assert text.startswith(f"w.yaml: 2 ranks need {needed / GB:.2f} GB of memory on node7, ")
-    assert f"of it for images, and {needed / GB:.2f} are left there; wanted: fewer pixels, or fewer" in text
+    assert f"of it for images, and {enough / GB:.2f} are left there; wanted: fewer pixels, or fewer" in text
 
 
 def test_check_refuses_a_rank_that_fits_nowhere_and_notes_a_wall_that_needs_more_machines(
@@ -81,14 +84,16 @@ def test_check_refuses_a_rank_that_fits_nowhere_and_notes_a_wall_that_needs_more
 ) -> None:
     plan = plan_of(columns=4)
     alone = memory_on_host(on_one_machine(plan), [1], forked=False).total
-    monkeypatch.setattr("wall.commands.memory.available_bytes", lambda: alone)
+    taken = 1 << 28
+    monkeypatch.setattr("wall.commands.memory.available_bytes", lambda: alone - taken)
+    monkeypatch.setattr("wall.commands.memory.memory", lambda: taken)
     monkeypatch.setattr("wall.commands.memory.usage", Usage)
     line, note = memory_lines(plan)
     assert f"by itself rank 1 needs the most, {alone / GB:.2f} GB; {alone / GB:.1f} GB are left here" in line
     assert note.startswith("note: 5 ranks need")
     monkeypatch.setattr("wall.commands.memory.usage", lambda: Usage(peak_memory=2 * alone))
     assert list(memory_lines(plan))[1].startswith(f"memory: loading the scene took {2 * alone / GB:.2f} GB for a while")
-    monkeypatch.setattr("wall.commands.memory.available_bytes", lambda: alone - 1)
+    monkeypatch.setattr("wall.commands.memory.available_bytes", lambda: int(alone / SURELY) - taken - 1)
     with pytest.raises(ConfigError, match=r"^w\.yaml: rank 1 needs .* of memory on this machine"):
         list(memory_lines(plan))
 

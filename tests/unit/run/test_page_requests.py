@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import socket
 import threading
 import time
@@ -19,8 +20,10 @@ from manager_run import plan_of
 
 from wall.client import Client, connect
 from wall.core.errors import EditError, RunError
+from wall.display.base import Answer
 from wall.display.browser import MAX_REQUESTS, Browser
 from wall.display.page_client import stream_of
+from wall.display.requests import Requests
 from wall.display.steering import MAX_LOAD_BYTES, MAX_REQUEST_BYTES
 from wall.geometry.steering import Kind
 from wall.packets.control import EditRequest
@@ -312,6 +315,16 @@ def test_a_wall_that_ends_or_is_silent_is_told_to_who_asks() -> None:
             run.undo()
     with pytest.raises(RunError, match="this client is closed"):
         run.undo()
+
+
+def test_an_answer_that_json_cannot_say_is_refused_and_not_lost() -> None:
+    requests = Requests[str](loads=False)
+    number, _ = requests.take("viewer", {"kind": "list", "id": "a"})
+    found = requests.answered(number, Answer(edit=3, parameters=({"value": [math.inf]},)))
+    assert found is not None
+    viewer, text = found
+    assert (viewer, json.loads(text)["id"]) == ("viewer", "a")
+    assert json.loads(text)["refused"].startswith("edit 3 holds, but the answer cannot be sent")
 
 
 @pytest.mark.parametrize(

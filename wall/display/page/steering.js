@@ -142,7 +142,8 @@ export class Steering {
     const onScroll = e.target.closest?.(".scroll");
     if (e.key in ARROWS && !onScroll && e.target.type !== "radio" && e.target.type !== "range") this.#arrow(e);
     else if (e.key === " " && !onControl && !onScroll) this.pause();
-    else if (e.key === "Enter" && !onControl && !onScroll) this.actions.select();
+    else if (e.key === "Enter" && !onControl && !onScroll && !e.target.closest?.("[role=slider]"))
+      this.actions.select();
     else if (e.key === "+" || e.key === "=") this.#zoom(KEY_ZOOM);
     else if (e.key === "-" || e.key === "_") this.#zoom(1 / KEY_ZOOM);
     else if (e.key === "]") this.#send({ kind: "expose", x: KEY_STOPS });

@@ -36,7 +36,7 @@ def slope_loss(cosine, alpha):
 
 @inline_kernel
 def sample_facet(x, y, z, alpha, u, v):
-    """Unit normal (x, y, z) of a facet that direction (x, y, z), z > 0, sees; u, v in [0, 1)."""
+    """Unit normal (x, y, z) of a facet that unit direction (x, y, z) sees, also from below, z < 0; u, v in [0, 1)."""
     sx, sy, sz = alpha * x, alpha * y, z
     size = ONE / math.sqrt(sx * sx + sy * sy + sz * sz)
     sx, sy, sz = sx * size, sy * size, sz * size
