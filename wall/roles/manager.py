@@ -149,6 +149,7 @@ class Manager:
 
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in messages of ranks, input of users, news of the launcher."""
+        selection = self._commands.selection
         try:
             if isinstance(message, Hello | SignOfLife | Note | Prepared):
                 self._check_rank(message.rank)
@@ -168,10 +169,7 @@ class Manager:
                     self.heartbeats[message.rank] = known
                     yield Send(HEAD, known)
             elif isinstance(message, WindowInput):
-                before = self._commands.selection
                 yield from self._take_input(message, now)
-                if self._commands.selection != before:
-                    yield Send(HEAD, self._commands.selection)
             elif isinstance(message, Note):
                 self.register.news.append(message)
             elif isinstance(message, Statistics):
@@ -193,12 +191,9 @@ class Manager:
             elif isinstance(message, Leave):
                 self.register.leave(message.rank, now)
             elif isinstance(message, EditRequest):
-                before = self._commands.selection
                 steer = partial(self._commands.take_asked, plan=self.plan, directors=self._directors, now=now)
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now, steer))
                 self._edited = True
-                if self._commands.selection != before:
-                    yield Send(HEAD, self._commands.selection)
             elif isinstance(message, Died):
                 self.register.bury(message, now)
                 if message.again:
@@ -215,6 +210,8 @@ class Manager:
             self.counters["bad_message"] += 1
         except EditError as error:
             self._reloading.said = str(error)
+        if self._commands.selection != selection:
+            yield Send(HEAD, self._commands.selection)
         self.due = now
 
     def _succeed(self, rank: int, now: float) -> None:
