@@ -177,7 +177,7 @@ class Manager:
             elif isinstance(message, EditRequest) and self._reloading.takes(message, self.editor):
                 yield from self._reloading.load(message, self.editor, now)
             elif isinstance(message, Changed):
-                yield from self._reloading.ask(Asked(text=message.text, path=message.path), now)
+                yield from self._reloading.save(Asked(text=message.text, path=message.path), now)
             elif isinstance(message, PlanMade):
                 yield from self._reloading.made(message, now)
             elif isinstance(message, Prepared):
