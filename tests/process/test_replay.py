@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from running import wall
+from running import made_once, wall
 from typer.testing import CliRunner
 
 from wall import cli
@@ -42,7 +42,10 @@ views:
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Five views on scanning displays, one a sampler, two ranks each; those of `framed` have two workers."""
-    folder = tmp_path_factory.mktemp("replay")
+    return made_once(tmp_path_factory, "replay", record) / "run.events"
+
+
+def record(folder: Path) -> None:
     views = [
         VIEW.format(
             method=method,
@@ -58,7 +61,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder / "run.events",
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
-    return folder / "run.events"
 
 
 def silent(line: str) -> None:
