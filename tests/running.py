@@ -36,7 +36,7 @@ version: 1
 scene: {{source: {source}}}
 wall: {{grid: {{columns: {columns}, rows: {rows}, pixels: [64, 48], size: [0.4, 0.3], bezel: 0.01}}}}
 views: [{{id: main, camera: {{position: [6, 4.5, 10], target: [0, 0.6, 0]}}, refresh_hz: 30{path}}}]
-sampling: {{method: {method}, threads: {threads}, samples_per_batch: 256}}
+sampling: {{method: {method}, threads: {threads}, samples_per_batch: {batch}}}
 graph: {{preset: sort-first, ranks_per_panel: {ranks}, compositors: {compositors}, sinks: [png]}}
 transport:
   {{kind: {transport}, encrypt: {encrypt}, codec: {codec}, heartbeat_s: 0.2, lost_after_s: {lost_after_s},
@@ -53,6 +53,7 @@ def write_config(folder: Path, **changes: Any) -> Path:
         "path": "",
         "method": "frameless",
         "threads": 1,
+        "batch": 256,
         "ranks": 1,
         "compositors": 1,
         "transport": "zmq",
