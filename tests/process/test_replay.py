@@ -101,11 +101,11 @@ def test_a_film_of_a_run_has_the_images_of_its_moments(recording: Path, tmp_path
 
 
 def test_one_batch_is_shown_and_written(recording: Path, tmp_path: Path) -> None:
-    """One in which nothing was missing, as busy machines make them, gives way to the one before; the first has all."""
+    """One without samples, as busy machines make them, gives way to the one before; the first has all."""
     for number in range(5, -1, -1):
         lines = [str(line) for line in replay_one(recording, 3, number, tmp_path / "batch.npy", silent)]
         assert lines[0].startswith(f"rank 3, batch {number}, worker ")
-        if lines[1] != "nothing was missing: no sample was traced":
+        if not lines[1].startswith("no sample is shown: "):
             break
     samples = np.load(tmp_path / "batch.npy")
     assert lines[-1] == f"wrote {tmp_path / 'batch.npy'}: {len(samples)} samples"
