@@ -81,12 +81,13 @@ class Client:
         pairs = [[name, list(value) if isinstance(value, tuple) else value] for name, value in values.items()]
         return self.request(assignments=pairs).edit
 
-    def undo(self, steps: int = 1) -> int:
+    def undo(self, steps: int = 1, *, patience_s: float = LOAD_S) -> int:
         """Take back the newest edits, whoever made them. Returns the number of the edit that does so.
 
-        What follows at once on the same parameters, as of a slider that is drawn, is one step.
+        What follows at once on the same parameters, as of a slider that is drawn, is one step. `patience_s`: seconds to
+        wait; where a configuration is taken back, every rank loads the one before.
         """
-        return self.request(undo=steps).edit
+        return self.request(undo=steps, patience_s=patience_s).edit
 
     def orbit(self, x: float, y: float = 0.0, *, view: int | str = 0) -> None:
         """Turn a view's camera about what it looks at, as a drag does: wall heights, x to the right, y down.

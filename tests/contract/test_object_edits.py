@@ -19,7 +19,7 @@ from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 TEXT = """\
 version: 1
 scene: {{source: gallery}}
-wall: {{grid: {{columns: 1, rows: 1, pixels: [64, 48], size: [0.4, 0.3]}}}}
+wall: {{grid: {{columns: 1, rows: 1, pixels: [48, 36], size: [0.4, 0.3]}}}}
 views: [{{camera: {{position: [2.4, 2.2, 3.6], target: [0, 0.7, 0], fov: 30}}}}]
 sampling: {{method: {method}}}
 """
