@@ -135,7 +135,6 @@ class Client:
 
             path = str(Path(configuration).absolute())
             text = read_text(path)
-        self.request(listed=("exposure",))  # a wall that has ended answers nothing: not for that long
         return self.request(configuration=text, path=path, patience_s=patience_s).edit
 
     def edit(self, *changes: str, patience_s: float = LOAD_S) -> int:
@@ -146,7 +145,6 @@ class Client:
 
         It holds, and is refused, as what `load` loads; `undo` takes it back where no parameter was set since.
         """
-        self.request(listed=("exposure",))  # as for `load`
         return self.request(changes=changes, patience_s=patience_s).edit
 
     def request(
@@ -160,7 +158,11 @@ class Client:
             client=0, number=0, key="", assignments=list(assignments), listed=list(listed), undo=undo,
             configuration=configuration, path=path, commands=list(commands), changes=list(changes),
         )  # fmt: skip
-        answer = self._way.edit(request, self._patience_s if patience_s is None else patience_s)
+        if patience_s is None:
+            patience_s = self._patience_s
+        elif patience_s > self._patience_s:
+            self.request(listed=("exposure",))  # a wall that has ended answers nothing: not for that long
+        answer = self._way.edit(request, patience_s)
         if answer.refused:
             raise EditError(answer.refused)
         return answer
