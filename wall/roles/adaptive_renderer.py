@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
-import numpy as np
-
 from wall.config.sampling import AdaptiveSampling
 from wall.core.clock import Clock
 from wall.core.data import Event, Rect, Region, Samples
