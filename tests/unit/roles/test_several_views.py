@@ -13,6 +13,7 @@ from wall.config.loading import loads
 from wall.core.data import Event
 from wall.geometry.steering import parse
 from wall.packets.control import Hello, WindowInput
+from wall.roles.director import Director
 from wall.roles.instructions import Broadcast, Trace, Traced, Work
 from wall.roles.manager import Manager
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan, on_one_machine
@@ -162,6 +163,32 @@ def test_views_have_the_first_ones_time_another_ones_shifted_or_their_own() -> N
     steered(manager, 11.0, {"kind": "pause"})
     assert not any(event.paused for event in manager.events)
     assert steered(manager, 12.0, {"kind": "seek", "x": -9.0}) == [4, 4, 0, 5, 3, 6]
+
+
+def test_times_go_on_under_another_configuration() -> None:
+    """Of a view whose time is configured as before, and of the first, whichever that is now."""
+
+    def directors(plan: Plan, before: dict[str, Director]) -> dict[str, Director]:
+        made: list[Director] = []
+        for k, view in enumerate(plan.views):
+            made.append(Director(plan, 0.0, k, made, before.get(view.id, next(iter(before.values()), None))))
+        return {director.name: director for director in made}
+
+    def own(offset: float) -> str:
+        return f"id: own, {INSET}, time: {{offset_s: {offset}}}"
+
+    ago = f"id: ago, {INSET}, time: {{follow: main, offset_s: -5}}"
+    known = directors(plan_of(ago, own(30)), {})
+    for director in known.values():
+        director.update([], 8.0)
+    known["own"].update([parse({"kind": "pause"})], 9.0)
+    assert [director.time for director in known.values()] == [8, 3, 39]
+
+    same = directors(plan_of(ago, own(30)), known)
+    assert [director.event.scene_time for director in same.values()] == [8, 3, 39]
+    assert [director.paused for director in same.values()] == [False, False, True]
+    other = directors(plan_of(own(70), main=f"{{id: ago, {EYE}}}"), known)
+    assert [director.time for director in other.values()] == [3, 70]
 
 
 @pytest.mark.parametrize("method", ["framed", "adaptive"])
