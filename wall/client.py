@@ -108,13 +108,16 @@ class Client:
         """Take a view's camera back to its path, or to where it is configured."""
         self._steer({"kind": "reset", "view": view})
 
-    def pause(self, paused: bool = True) -> None:
-        """Stop the scene's time and camera paths; `paused` False: let them go on."""
-        self._steer({"kind": "pause", "paused": paused})
+    def pause(self, paused: bool = True, *, view: int | str | None = None) -> None:
+        """Stop the time of the scene and of camera paths; `paused` False: let it go on.
 
-    def seek(self, seconds: float) -> None:
-        """Add seconds to the scene's time and to that of camera paths, back at most to 0; an hour at once."""
-        self._steer({"kind": "seek", "x": seconds})
+        `view`: its name, or its number from 0: that view's time alone, and that of views that follow it; None: all.
+        """
+        self._steer({"kind": "pause", "paused": paused} | ({} if view is None else {"view": view}))
+
+    def seek(self, seconds: float, *, view: int | str | None = None) -> None:
+        """Add seconds to that time, back at most to 0; an hour at once; `view`: as above."""
+        self._steer({"kind": "seek", "x": seconds} | ({} if view is None else {"view": view}))
 
     def _steer(self, command: dict[str, object]) -> None:
         self.request(commands=[command])

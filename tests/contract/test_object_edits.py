@@ -90,7 +90,7 @@ def test_objects_of_a_name_are_one_parameter_and_pages_are_spared_them() -> None
     assert len(found) == 3 * len(names)
     assert not any(name.startswith("objects.") for name in shown_parameters(plan))
     own = [f"objects.{NAME}.{what}" for what in ("offset", "rotation", "visible")]
-    assert list(shown_parameters(plan, NAME))[:3] == own
+    assert list(shown_parameters(plan, [NAME, NAME, ""]))[:3] == own
     editor = Editor(plan)
     editor.set([(f"objects.{NAME}.visible", 0)])
     editor.undo()

@@ -114,9 +114,11 @@ def scaled(panel: Panel, scale: float) -> Panel:
 
 
 def event_at(plan: Plan, at: float) -> Event:
-    """The event that shows scene time `at`, seconds, through the view's own camera path."""
-    exposure = exposure_at(plan, at)
-    return replace(first_event(plan, 0.0), scene_time=at, camera=plan.view.camera_at(at), exposure=exposure)
+    """The event of what the view shows `at` seconds after a run began, through its camera path."""
+    time = plan.view.time_after(at)
+    return replace(
+        first_event(plan, 0.0), scene_time=time, camera=plan.view.camera_after(at), exposure=exposure_at(plan, time)
+    )
 
 
 class OfflineRenderer:
