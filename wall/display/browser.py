@@ -23,7 +23,7 @@ from wall.core.errors import RemoteProtocolError
 from wall.display.base import Answer, Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.gate import Pace
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
-from wall.display.parts import Held, Part, part_of
+from wall.display.parts import Held, PanelChanges, Part, Piece, parts_of
 from wall.display.png import png_bytes
 from wall.display.requests import Requests
 from wall.display.sample_store import SampleStore
@@ -113,7 +113,9 @@ class Browser:
         self._requests, self._most_bytes = Requests[_Viewer](loads=load), MAX_LOAD_BYTES if load else MAX_REQUEST_BYTES
         self._answering: set[asyncio.Task[None]] = set()
         self._stores: dict[int, SampleStore] = {}  # of panels whose samples come
-        self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, bytes]]] = {}  # by Part.key; the encoder's own
+        # the encoder's own: what was encoded, by Part.key, and what changed
+        self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, list[Piece]]]] = {}
+        self._changes: dict[_Shown, PanelChanges] = defaultdict(PanelChanges)
         self._statistics_wanted = False  # as last told by `commands`
         self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
@@ -343,36 +345,42 @@ class Browser:
         panels = {(False, k): p for k, p in enumerate(image.panels)}
         panels |= {(True, k): p for k, p in enumerate(image.compared)}
         stores = {(False, k): store for k, store in self._stores.items()} if viewer.samples else {}
-        now, parts = self._loop.time(), dict[_Shown, Part]()
-        held = {shown: viewer.held[shown] for shown in panels}  # those of now: a page may begin anew meanwhile
-        for shown, panel in panels.items():
-            if part := part_of(held[shown], panel, stores.get(shown), now):
-                parts[shown] = part
-        if not parts:
+        wanted = [
+            (shown, held, panel, stores.get(shown))
+            for shown, panel in panels.items()
+            if not (held := viewer.held[shown]).is_current(panel, stores.get(shown))  # of now: a page may begin anew
+        ]
+        if not wanted:
+            return
+        made = await self._loop.run_in_executor(self._encoder, self._encode, wanted, self._loop.time())
+        if not made:
             return
         viewer.number += 1
         viewer.in_flight.append(viewer.number)
-        encoded = await self._loop.run_in_executor(self._encoder, self._encode, parts)
-        await viewer.socket.send_str(image_message(image, panels=len(parts), number=viewer.number))
-        for (shown, part), (version, data) in zip(parts.items(), encoded, strict=True):
-            compared, k = shown
-            await viewer.socket.send_bytes(
-                part.message(k, compared=compared, encoded=data, version=version, number=viewer.number)
-            )
-            self.sent_bytes += len(data)
-            part.sent(held[shown], version, now)
+        messages = sum(len(pieces) for *_, pieces in made)
+        await viewer.socket.send_str(image_message(image, panels=messages, number=viewer.number))
+        for (compared, k), held, part, version, pieces in made:
+            for piece in pieces:
+                await viewer.socket.send_bytes(
+                    part.message(k, piece, compared=compared, version=version, number=viewer.number)
+                )
+                self.sent_bytes += len(piece.encoded)
+            part.sent(held, version, pieces)
 
-    def _encode(self, parts: dict[_Shown, Part]) -> list[tuple[int, bytes]]:
-        """Versions and bytes of parts, encoded once, however many viewers get them."""
+    def _encode(
+        self, wanted: list[tuple[_Shown, Held, PanelImage, SampleStore | None]], now: float
+    ) -> list[tuple[_Shown, Held, Part, int, list[Piece]]]:
+        """What a viewer needs of panels, its version and pieces: encoded once, however many viewers get them."""
         made = []
-        for shown, part in parts.items():
-            encoded = self._encoded.get(shown, {})
-            own = part.key  # once: that of samples changes meanwhile
-            if not any(key[0] == own[0] for key in encoded):  # of other versions
-                self._encoded[shown] = encoded = {}
-            if own not in encoded:
-                encoded[own] = part.encode()
-            made.append(encoded[own])
+        for shown, held, panel, store in wanted:
+            for part in parts_of(held, panel, store, self._changes[shown], now):
+                encoded = self._encoded.get(shown, {})
+                own = part.key  # once: that of samples changes meanwhile
+                if not any(key[0] == own[0] for key in encoded):  # of other versions
+                    self._encoded[shown] = encoded = {}
+                if own not in encoded:
+                    encoded[own] = part.encode()
+                made.append((shown, held, part, *encoded[own]))
         return made
 
 
