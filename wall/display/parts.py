@@ -1,6 +1,6 @@
 """What a viewer of the page holds of a panel, and what it gets next: tiles of its image, or samples.
 
-Tiles are sent when they differ visibly from what was sent last: by more than INVISIBLE codes. A JPEG may be off by more.
+Tiles are sent when they differ visibly from what was sent last: by more than INVISIBLE codes; a JPEG may be off by more.
 Smaller differences wait until the tile rests. Then it is sent without losses, if that is not what the viewer has.
 """
 
@@ -151,9 +151,7 @@ class SamplesPart:
 Part = TilesPart | SamplesPart
 
 
-def parts_of(
-    held: Held, panel: PanelImage, store: SampleStore | None, changes: PanelChanges, now: float
-) -> list[Part]:
+def parts_of(held: Held, panel: PanelImage, store: SampleStore | None, changes: PanelChanges, now: float) -> list[Part]:
     """What a viewer needs next of a panel: samples that it lacks, or tiles where there is no store of them.
 
     Of tiles what changed visibly, and some of those that rest if it lacks any of their pixels.

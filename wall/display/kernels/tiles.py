@@ -6,10 +6,11 @@ import numpy as np
 
 from wall.core.jit import kernel
 
+int64 = np.int64  # a uint8 would become unsigned, and differences of these wrap around
 EVERY = 4  # rows of a tile from one that is looked at to the next
 COLOURS = 256  # that are told apart
-DROPPED = 16  # of a step from pixel to pixel, summed over channels and two neighbours: what a JPEG hardly keeps
-LOG = np.log2(1.0 + np.arange(6 * 255 // DROPPED + 1)).astype(np.float32)
+DROPPED = 16  # of a step from pixel to pixel: what a JPEG hardly keeps
+LOG = np.log2(1.0 + np.arange(6 * 255 + 1)).astype(np.float32)  # by three channels' differences
 
 
 @kernel
@@ -40,12 +41,13 @@ def take_visible(shown, new, edge, most, tiles):
 
 
 @kernel
-def measure_tiles(rgb, edge, tiles, colours, steps):
-    """Count the colours of the marked tiles, and measure their steps from pixel to pixel, in every fourth row.
+def measure_tiles(rgb, edge, tiles, colours, residuals, steps):
+    """Measure what the marked tiles cost, in every fourth row; what differs is summed over the channels.
 
     rgb : (h, w, 3) uint8; edge : int, of a tile, pixels; tiles : (rows, columns) bool
-    colours : (rows, columns) float32, up to COLOURS, which a hash tells apart, written
-    steps : (rows, columns) float32, mean of log2(1 + step / DROPPED), rounded down inside, written
+    colours : (rows, columns) float32, how many, up to COLOURS, which a hash tells apart, written
+    residuals : (rows, columns) float32, mean log2(1 + difference from the plane through three neighbours), written
+    steps : (rows, columns) float32, mean log2(1 + floor(differences from left and upper neighbour / DROPPED)), written
     """
     height, width = rgb.shape[:2]
     seen = np.zeros(COLOURS, np.bool_)
@@ -55,16 +57,19 @@ def measure_tiles(rgb, edge, tiles, colours, steps):
                 continue
             left, right = column * edge, min((column + 1) * edge, width)
             seen[:] = False
-            bits, count = np.float32(0.0), 0
+            residual, step, count = np.float32(0.0), np.float32(0.0), 0
             for i in range(row * edge + 1, min((row + 1) * edge, height), EVERY):
                 for j in range(left, right):
-                    red, green, blue = int(rgb[i, j, 0]), int(rgb[i, j, 1]), int(rgb[i, j, 2])
-                    seen[(red + 5 * green + 25 * blue) & (COLOURS - 1)] = True
                     if j > left:
-                        step = abs(red - int(rgb[i, j - 1, 0])) + abs(red - int(rgb[i - 1, j, 0]))
-                        step += abs(green - int(rgb[i, j - 1, 1])) + abs(green - int(rgb[i - 1, j, 1]))
-                        step += abs(blue - int(rgb[i, j - 1, 2])) + abs(blue - int(rgb[i - 1, j, 2]))
-                        bits += LOG[step // DROPPED]
+                        own, apart = 0, 0
+                        for k in range(3):
+                            a, b = int64(rgb[i, j - 1, k]), int64(rgb[i - 1, j, k])
+                            here = int64(rgb[i, j, k])
+                            own += abs(here - a - b + int64(rgb[i - 1, j - 1, k]))
+                            apart += abs(here - a) + abs(here - b)
+                        residual += LOG[own]
+                        step += LOG[apart // DROPPED]
                         count += 1
+                    seen[(int64(rgb[i, j, 0]) + 5 * int64(rgb[i, j, 1]) + 25 * int64(rgb[i, j, 2])) % COLOURS] = True
             colours[row, column] = seen.sum()
-            steps[row, column] = bits / max(count, 1)
+            residuals[row, column], steps[row, column] = residual / max(count, 1), step / max(count, 1)
