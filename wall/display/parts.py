@@ -1,6 +1,6 @@
 """What a viewer of the page holds of a panel, and what it gets next: tiles of its image, or samples.
 
-Tiles are sent when they differ visibly from what was sent last: by more than INVISIBLE codes; a JPEG may be off by more.
+Tiles are sent when they differ visibly from what was sent last: by more than INVISIBLE codes. JPEG may be off by more.
 Smaller differences wait until the tile rests. Then it is sent without losses, if that is not what the viewer has.
 """
 
