@@ -52,7 +52,7 @@ class Viewer:
             assert rgb.shape == (*shape, 3)
             self.panels[shown] = rgb
             return rgb
-        image, across = self.panels[shown].copy(), rgb.shape[1] // TILE
+        image, across = self.panels.get(shown, np.zeros((*shape, 3), np.uint8)).copy(), rgb.shape[1] // TILE
         for k, tile in enumerate(tiles):
             y, x = (TILE * n for n in divmod(tile, -(-shape[1] // TILE)))
             part = image[y : y + TILE, x : x + TILE]
