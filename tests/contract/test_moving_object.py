@@ -14,7 +14,6 @@ from wall.core.data import Edits
 from wall.display.base import Status, WallImage
 from wall.display.browser import Browser
 from wall.display.parts import TilesPart
-from wall.display.stream import HEADER
 from wall.display.tiles import TILE
 from wall.roles.plan import make_layout, make_plan
 from wall.run.single_process import SingleProcess
@@ -48,7 +47,8 @@ def test_what_moves_costs_at_most_half_more_bytes_than_its_own_tiles():
     single = SingleProcess(plan, make_tracer_scene(plan.scene))
 
     def image_of(number, name, value):
-        single.event = replace(single.event, scene_event=number, edits=Edits(number, ((f"objects.{NAME}.{name}", value),)))
+        edits = Edits(number, ((f"objects.{NAME}.{name}", value),))
+        single.event = replace(single.event, scene_event=number, edits=edits)
         single.clock.advance(0.1)  # a refresh is due
         return single.until_complete()[0]
 
