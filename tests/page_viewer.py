@@ -27,13 +27,13 @@ class Viewer:
     def __init__(self, socket):
         self.socket = socket
         self.statuses = []
-        self.panels, self.sent_tiles = {}, {}
+        self.panels, self.sent_tiles, self.encodings = {}, {}, {}
 
     async def next_image(self):
         """Number and panels {index: (version, rgb)} of the next image; a second image's index has "compared"."""
         while (message := await self.socket.receive_json())["kind"] != "picture":
             self.statuses.append(message)
-        panels = {}
+        panels, self.sent_tiles, self.encodings = {}, {}, {}
         for _ in range(message["panels"]):
             data = await self.socket.receive_bytes()
             _, _, compared, index, width, height, count, version, number = HEADER.unpack(data[: HEADER.size])
@@ -42,7 +42,8 @@ class Viewer:
             tiles = np.frombuffer(data, "<u2", count, HEADER.size).tolist()
             rgb = np.array(Image.open(io.BytesIO(data[HEADER.size + 2 * count :])))
             panels[shown] = (version, self.pasted(shown, rgb, tiles, (height, width)))
-            self.sent_tiles[shown] = tiles
+            self.sent_tiles[shown] = sorted(self.sent_tiles.get(shown, []) + tiles)
+            self.encodings.setdefault(shown, set()).add(data[HEADER.size + 2 * count :][:4])
         return message["number"], panels
 
     def pasted(self, shown, rgb, tiles, shape):
@@ -51,7 +52,7 @@ class Viewer:
             assert rgb.shape == (*shape, 3)
             self.panels[shown] = rgb
             return rgb
-        image, across = self.panels[shown].copy(), rgb.shape[1] // TILE
+        image, across = self.panels.get(shown, np.zeros((*shape, 3), np.uint8)).copy(), rgb.shape[1] // TILE
         for k, tile in enumerate(tiles):
             y, x = (TILE * n for n in divmod(tile, -(-shape[1] // TILE)))
             part = image[y : y + TILE, x : x + TILE]

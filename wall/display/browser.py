@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 from collections import defaultdict, deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -23,7 +22,8 @@ from wall.core.errors import RemoteProtocolError
 from wall.display.base import Answer, Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.gate import Pace
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
-from wall.display.parts import Held, Part, part_of
+from wall.display.page_files import page_file, table_of
+from wall.display.parts import Held, PanelChanges, Part, Piece, parts_of
 from wall.display.png import png_bytes
 from wall.display.requests import Requests
 from wall.display.sample_store import SampleStore
@@ -47,9 +47,6 @@ KEPT_FOR_STEERING = 2  # of them, where others only watch
 MAX_COMMANDS = 256  # 4 s of one viewer's dragging
 MAX_REQUESTS = 16  # of one viewer that wait for an answer, or to be sent it; no more is read from it meanwhile
 HEARTBEAT_S = 5.0  # a viewer whose machine vanished is forgotten after about this time
-
-PAGE = Path(__file__).resolve().parent / "page"
-TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 
 
 _Shown = tuple[bool, int]  # second image of two that are compared, panel
@@ -97,23 +94,26 @@ class Browser:
         tls: tuple[Path, Path] | None = None,
         embed: bool = False,
         load: bool = False,
+        folder: Path = Path(),
     ) -> None:
         """`views`: their names; `why_images`: see layout_message; port 0 takes any free one.
 
-        `embed`, `load`: of BrowserConfig.
+        `embed`, `load`: of BrowserConfig; `folder`: of panels' files.
 
         `tokens`: the page is for those alone who know its address; `watch_token`: see Gate; `tls`: files of a
         certificate and its key. Raises RunError naming what cannot be had.
         """
         self._max_viewers = max_viewers
-        self._layout = layout_message(wall, views, why_images)
+        self._layout, self._wall, self._folder = layout_message(wall, views, why_images), wall, folder
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
         self._requests, self._most_bytes = Requests[_Viewer](loads=load), MAX_LOAD_BYTES if load else MAX_REQUEST_BYTES
         self._answering: set[asyncio.Task[None]] = set()
         self._stores: dict[int, SampleStore] = {}  # of panels whose samples come
-        self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, bytes]]] = {}  # by Part.key; the encoder's own
+        # the encoder's own: what was encoded, by Part.key, and what changed
+        self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, list[Piece]]]] = {}
+        self._changes: dict[_Shown, PanelChanges] = defaultdict(PanelChanges)
         self._statistics_wanted = False  # as last told by `commands`
         self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
@@ -122,12 +122,13 @@ class Browser:
         )
         self._loop, self._gate, self._counters = self._server.loop, self._server.gate, self._server.counters
         routes = {
-            "/": _page,
+            "/": page_file,
             "/stream": self._stream,
             "/wall.png": self._wall_png,
             "/status.json": self._status_json,
             "/metrics": self._metrics,
-            "/{name}": _page,
+            "/table/{panel}": self._table,
+            "/{name}": page_file,
         }
         where, (steer, watch) = self._server.start(routes, self._say_goodbye), self._gate.queries
         self.address = where + steer
@@ -157,7 +158,7 @@ class Browser:
         self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace] = ()
     ) -> None:
         """Tell all viewers where panels, insets, views, images are from now on; the panels are those of before."""
-        self._layout = layout_message(wall, views, why_images, images)
+        self._layout, self._wall = layout_message(wall, views, why_images, images), wall
         self._server.call(self._wake_viewers)
 
     def commands(self) -> list[dict[str, Any]]:
@@ -217,6 +218,12 @@ class Browser:
             raise web.HTTPServiceUnavailable(text="no image yet\n")
         body = await self._loop.run_in_executor(self._encoder, png_bytes, self._newest[0])
         return web.Response(body=body, content_type="image/png")
+
+    async def _table(self, request: web.Request) -> web.Response:
+        body = await self._loop.run_in_executor(
+            self._encoder, table_of, request.match_info["panel"], self._wall, self._folder
+        )
+        return web.Response(body=body, content_type="application/octet-stream")
 
     async def _stream(self, request: web.Request) -> web.WebSocketResponse:
         steers = self._gate.steers(request)
@@ -343,47 +350,44 @@ class Browser:
         panels = {(False, k): p for k, p in enumerate(image.panels)}
         panels |= {(True, k): p for k, p in enumerate(image.compared)}
         stores = {(False, k): store for k, store in self._stores.items()} if viewer.samples else {}
-        now, parts = self._loop.time(), dict[_Shown, Part]()
-        held = {shown: viewer.held[shown] for shown in panels}  # those of now: a page may begin anew meanwhile
-        for shown, panel in panels.items():
-            if part := part_of(held[shown], panel, stores.get(shown), now):
-                parts[shown] = part
-        if not parts:
+        wanted = [
+            (shown, held, panel, stores.get(shown))
+            for shown, panel in panels.items()
+            if not (held := viewer.held[shown]).is_current(panel, stores.get(shown))  # of now: a page may begin anew
+        ]
+        if not wanted:
+            return
+        made = await self._loop.run_in_executor(self._encoder, self._encode, wanted, self._loop.time())
+        if not made:
             return
         viewer.number += 1
         viewer.in_flight.append(viewer.number)
-        encoded = await self._loop.run_in_executor(self._encoder, self._encode, parts)
-        await viewer.socket.send_str(image_message(image, panels=len(parts), number=viewer.number))
-        for (shown, part), (version, data) in zip(parts.items(), encoded, strict=True):
-            compared, k = shown
-            await viewer.socket.send_bytes(
-                part.message(k, compared=compared, encoded=data, version=version, number=viewer.number)
-            )
-            self.sent_bytes += len(data)
-            part.sent(held[shown], version, now)
+        messages = sum(len(pieces) for *_, pieces in made)
+        await viewer.socket.send_str(image_message(image, panels=messages, number=viewer.number))
+        for (compared, k), held, part, version, pieces in made:
+            for piece in pieces:
+                await viewer.socket.send_bytes(
+                    part.message(k, piece, compared=compared, version=version, number=viewer.number)
+                )
+                self.sent_bytes += len(piece.encoded)
+            part.sent(held, version, pieces)
 
-    def _encode(self, parts: dict[_Shown, Part]) -> list[tuple[int, bytes]]:
-        """Versions and bytes of parts, encoded once, however many viewers get them."""
+    def _encode(
+        self, wanted: list[tuple[_Shown, Held, PanelImage, SampleStore | None]], now: float
+    ) -> list[tuple[_Shown, Held, Part, int, list[Piece]]]:
+        """What a viewer needs of panels, its version and pieces: encoded once, however many viewers get them."""
         made = []
-        for shown, part in parts.items():
-            encoded = self._encoded.get(shown, {})
-            own = part.key  # once: that of samples changes meanwhile
-            if not any(key[0] == own[0] for key in encoded):  # of other versions
-                self._encoded[shown] = encoded = {}
-            if own not in encoded:
-                encoded[own] = part.encode()
-            made.append(encoded[own])
+        for shown, held, panel, store in wanted:
+            for part in parts_of(held, panel, store, self._changes[shown], now):
+                encoded = self._encoded.get(shown, {})
+                own = part.key  # once: that of samples changes meanwhile
+                if not any(key[0] == own[0] for key in encoded):  # of other versions
+                    self._encoded[shown] = encoded = {}
+                if own not in encoded:
+                    encoded[own] = part.encode()
+                made.append((shown, held, part, *encoded[own]))
         return made
 
 
 def _store(panel: PanelImage) -> SampleStore:
     return SampleStore(panel.rgb.shape[1], panel.rgb.shape[0])
-
-
-async def _page(request: web.Request) -> web.Response:
-    name = request.match_info.get("name", "index.html")
-    path = PAGE / name
-    if name not in os.listdir(PAGE) or path.suffix not in TYPES:  # whatever is asked for, nothing else is looked at
-        raise web.HTTPNotFound(text="no such page\n")
-    text = path.read_text(encoding="utf-8")
-    return web.Response(text=text, content_type=TYPES[path.suffix], charset="utf-8")

@@ -1,11 +1,10 @@
 """Encode what the live page is sent, as bytes and JSON text. Pure, no I/O.
 
-An image is one JSON message `picture` that says how many panels follow, then one binary message a panel: HEADER, the
-numbers of tiles (u16), and these tiles packed into one JPEG or lossless WebP; no numbers: all of the panel. Only tiles
-that changed since the viewer's last image are sent, as JPEG; those that rest follow once more without loss. While two
-samplers are compared every panel has a second image. A viewer that makes the images itself gets samples of a panel in
-the place of tiles: SAMPLES_HEADER, then what encode_samples gives. An overlay is a binary message for each image of a
-panel: STATISTICS_HEADER, then codes.
+An image is one JSON message `picture` that says how many binary messages follow, of a panel none, one, or two: HEADER,
+the numbers of tiles (u16), and these tiles packed into one JPEG or lossless WebP; no numbers: all of the panel. Which
+tiles are sent, and how: parts.py, cheapest.py. While two samplers are compared every panel has a second image. A viewer
+that makes the images itself gets samples of a panel in the place of tiles: SAMPLES_HEADER, then what encode_samples
+gives. An overlay is a binary message for each image of a panel: STATISTICS_HEADER, then codes.
 """
 
 from __future__ import annotations
@@ -24,17 +23,20 @@ import simplejpeg
 from numpy.typing import NDArray
 from PIL import Image
 
+from wall.config.displays import ColourConfig
 from wall.core.data import StatisticsImage
 from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.sample_store import Samples
 from wall.display.steering import OVERLAYS
 from wall.display.tiles import packed
 from wall.geometry.panels import Wall
+from wall.operators.lut import Lut
 
 HEADER = struct.Struct("<2sBBHHHHII")  # "WP", format, compared, panel, width, height, tiles, version, image number
 STATISTICS_HEADER = struct.Struct("<2sBBHBxHHI")  # "WS", format, compared, panel, overlay, rows, columns, rectangles
 SAMPLES_HEADER = struct.Struct("<2sBBHHHxxII")  # "WN", format, 0, panel, width, height, version, image number
 SAMPLES_COUNTS = struct.Struct("<fII")  # gain, samples, bytes of their pixels
+TABLE_HEADER = struct.Struct("<I3f3f")  # nodes along an edge, colours of the first and the last node
 FORMAT = 3
 QUALITY = 88  # JPEG with full colour: 0.5 ms and 40 kB for 480x270, no visible blocks
 MOST_TILES = 65_535  # that one message can number
@@ -147,6 +149,7 @@ def layout_message(
 ) -> str:
     """Rectangles of panels and insets in virtual screen pixels, and which of `views`, their names, each shows.
 
+    Of panels also what their displays need: metres a pixel, how they are mounted turned, and what is done to colours.
     The first message on every connection. `why_images`: for each panel why it always comes as images, "" if it need
     not; left out: none has samples. `images`: very large ones whose place can be changed.
     """
@@ -162,6 +165,10 @@ def layout_message(
             "down": p.span[1],
             "view": p.view,
             "why_images": why_images[p.index],
+            "index": p.index,
+            "pitch": p.lit_pitch,
+            "rotation": p.config.rotation,
+            "colour": None if p.config.colour is None else _calibration(p.config.colour),
         }
         for p in wall.panels
     ]
@@ -169,9 +176,20 @@ def layout_message(
         {"x": p.screen[0], "y": p.screen[1], "width": p.pixels[0], "height": p.pixels[1], "view": p.view}
         for p in wall.insets
     ]
-    size = {"width": wall.width, "height": wall.height}
+    size = {"width": wall.width, "height": wall.height, "metres": wall.extent}
     others = {"insets": insets, "views": list(views), "images": [asdict(image) for image in images]}
     return json.dumps({"kind": "layout", **size, "panels": panels, **others})
+
+
+def _calibration(colour: ColourConfig) -> dict[str, Any]:
+    """What a panel's display needs done to light; `table`: whether /table/ID has one for display values."""
+    return {"gain": colour.gain, "gamma": colour.gamma, "table": colour.lut is not None}
+
+
+def table_bytes(table: Lut) -> bytes:
+    """A 3D table as a page gets it: TABLE_HEADER, then (blue, green, red, 3) float32."""
+    header = TABLE_HEADER.pack(len(table.table), *table.low.tolist(), *table.high.tolist())
+    return header + np.ascontiguousarray(table.table, "<f4").tobytes()
 
 
 def status_message(status: Status, **more: Any) -> str:

@@ -55,7 +55,10 @@ def make_sinks(
 
             page = output.browser
             access = _access(layout.loaded)
-            sink = browser = Browser(page.host, page.port, layout.wall, embed=page.embed, load=page.load, **access)
+            folder = layout.loaded.folder
+            sink = browser = Browser(
+                page.host, page.port, layout.wall, embed=page.embed, load=page.load, folder=folder, **access
+            )
             lay_out(plan, [browser])
         sinks.append(sink)
     return sinks, browser

@@ -21,7 +21,9 @@ from wall.core.colour import srgb_curve
 from wall.core.data import SAMPLE, Batch, Framelet, Rect, Region
 from wall.core.errors import ConfigError
 from wall.core.jit import cache_root, compiled_kernels, when_compiling
-from wall.display.tiles import changed_tiles
+from wall.display.cheapest import exact_tiles
+from wall.display.kernels.tiles import take_visible
+from wall.display.tiles import TILE, changed_tiles
 from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
 from wall.packets.framelets import FrameletPart
@@ -266,7 +268,10 @@ def _between(plan: Plan) -> None:
     light = Framelet.blank(few, frozenset({"colour", "depth"}))
     shown = np.zeros((8, 8, 3), np.uint8)
     kernels.encode(light.colour, 0, 0, srgb_curve(), shown, 0, 0, 8, 8)
-    changed_tiles(shown, shown.copy())
+    tiles = changed_tiles(shown, shown.copy())
+    if graph.has_sink("browser"):  # what its page is sent
+        exact_tiles(shown, tiles)
+        take_visible(shown, shown.copy(), TILE, np.uint8(0), tiles)
     if graph.compositors > 1 or any(layer.at_renderer for layer in graph.layers):
         FrameletPart.of(0, light, few).write(light)
 

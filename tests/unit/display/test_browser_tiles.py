@@ -149,3 +149,47 @@ def test_a_slow_viewer_gets_the_tiles_of_all_that_it_missed(large, status):
         assert viewer.sent_tiles[0] == [2, 4]
 
     with_viewer(large, act)
+
+
+def test_changes_that_nobody_sees_wait_until_their_tile_rests_and_add_up(large, status):
+    """By at most 2 codes nothing is sent at once; 1 code in each of 3 images is visible; what rests is exact."""
+    black = PanelImage(id="p0", rgb=np.zeros((100, 200, 3), np.uint8), screen=(0, 0), version=0)
+    image = updated(black, gradient(), 1)
+
+    async def act(viewer):
+        nonlocal image
+        large.show(wall_image(image), status)
+        await viewer.drawn((await viewer.next_image())[0])
+        for version in range(2, 5):
+            rgb = image.rgb.copy()
+            rgb[5, 5] += 1  # in tile 0
+            rgb[50, 180, 1] ^= 1  # in tile 12: never off by more than 1
+            image = updated(image, rgb, version)
+            large.show(wall_image(image), status)
+            if version < 4:
+                assert await viewer.silent_while(0.05)
+        number, panels = await viewer.next_image()
+        assert (panels[0][0], viewer.sent_tiles[0]) == (4, [0])
+        while not np.array_equal(viewer.panels[0], image.rgb):
+            await viewer.drawn(number)
+            number, _ = await viewer.next_image()
+            assert viewer.encodings[0] == {b"RIFF"}
+
+    with_viewer(large, act)
+
+
+def test_what_has_few_colours_comes_without_losses_at_once_beside_a_jpeg(large, status):
+    """Letters, of two colours, on the left; on the right a gradient with noise, as of few samples."""
+    rng, rgb = np.random.default_rng(3), gradient()
+    rgb[:96, 96:] += rng.integers(0, 20, (96, 104, 3), np.uint8)
+    rgb[:, :96] = 255 * np.kron(rng.integers(0, 2, (25, 24, 1), np.uint8), np.ones((4, 4, 3), np.uint8))
+    image = updated(PanelImage(id="p0", rgb=np.zeros_like(rgb), screen=(0, 0), version=0), rgb, 1)
+
+    async def act(viewer):
+        large.show(wall_image(image), status)
+        _, panels = await viewer.next_image()
+        assert viewer.encodings[0] == {b"RIFF", b"\xff\xd8\xff\xe0"}
+        assert np.array_equal(panels[0][1][:, :96], rgb[:, :96])
+        assert not np.array_equal(panels[0][1][:, 96:], rgb[:, 96:])
+
+    with_viewer(large, act)

@@ -8,6 +8,7 @@ import { Overlay } from "./overlay.js";
 import { unpack } from "./painter.js";
 import { Parameters } from "./parameters.js";
 import { Readout, short } from "./readout.js";
+import { Solo } from "./solo.js";
 import { Steering } from "./steering.js";
 import { Viewports } from "./viewports.js";
 import { Wall } from "./wall.js";
@@ -44,6 +45,7 @@ const display = new Display(wall, (name) => send({ kind: "display", value: name 
 const bookmarks = new Bookmarks(
   document.getElementById("bookmarks"), document.getElementById("keep"), (command) => send(command));
 const zoomed = new Zoomed((command) => send(command));
+const solo = new Solo(wall);
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
@@ -81,6 +83,8 @@ function take(message, pictures) {
     handles.show({ places: [] });                              // until the run says it anew
     readout.connected();
     display.build(message);
+    readout.size(message);
+    solo.build(message);
     if (overlay.name) overlay.repeat();
   } else if (message.kind === "access") {
     allow(message.steers);
@@ -160,6 +164,7 @@ class Pictures {
       const images = await Promise.allSettled(panels.map((p) => p.image));
       await new Promise(requestAnimationFrame);
       images.forEach(({ value }, k) => this.#draw(panels[k], value));
+      solo.draw();
       document.body.dataset.picture = head.number;
       if (this.#socket.readyState === WebSocket.OPEN) {
         this.#socket.send(JSON.stringify({ kind: "shown", number: head.number }));

@@ -7,6 +7,7 @@ const BUSY_S = 1;                 // one piece of work holds a rank up for so lo
 const STUCK_MS = 2500;            // the run's own clock stands still this long: it does not answer
 const TRUST_MS = 700;             // what was just asked for is shown until the run had time to say so itself
 const NONE = "–";
+const INCH = 0.0254;              // metres
 
 const $ = (id) => document.getElementById(id);
 const isNumber = (x) => typeof x === "number" && Number.isFinite(x);
@@ -69,6 +70,13 @@ export class Readout {
     document.body.dataset.state = "ended";
     write($("state"), "Ended");
     this.#banner("The run has ended. This is its last picture.");
+  }
+
+  // How large the wall is, metres, and how fine: `pitch` is metres a pixel, across and down.
+  size({ metres, panels }) {
+    const pitches = panels.flatMap(({ pitch }) => pitch);
+    const [least, most] = [Math.max(...pitches), Math.min(...pitches)].map((pitch) => Math.round(INCH / pitch));
+    write($("fact-wall"), `${metres.map(digits).join(" × ")} m, ${least < most ? `${least} to ` : ""}${most} dpi`);
   }
 
   // Without a run there is nothing to pause, and no wall to save.

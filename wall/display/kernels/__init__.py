@@ -1,0 +1,1 @@
+"""Compiled loops over tiles of images that displays get."""
