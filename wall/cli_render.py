@@ -45,6 +45,10 @@ def render(
     view: ViewOption = None,
     up: UpOption = None,
     integrator: IntegratorOption = None,
+    exposure: Annotated[float | None, typer.Option(help="Stops: light times 2^EXPOSURE; else as configured")] = None,
+    tone_mapping: Annotated[
+        str | None, typer.Option(help="none, reinhard, aces or khronos_neutral; else as configured")
+    ] = None,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers of an .exr, with commas between: albedo, normal, depth, variance, object_id; or all"),
@@ -71,6 +75,7 @@ def render(
     from wall.commands.frames import Quality
     from wall.commands.one_view import plan_of_view
     from wall.commands.terminal import print_notes
+    from wall.config.loading import with_tone
     from wall.display.image_file import check_suffix
     from wall.roles.plan import make_layout, make_plan
     from wall.sampling.pixel_layers import LAYERS, checked_layers
@@ -79,7 +84,8 @@ def render(
     quality = Quality(spp=spp, seed=seed, size=parse_size(size))
 
     def planned() -> Plan:
-        plan = make_plan(make_layout(load_config(what, up=up, integrator=integrator)))
+        loaded = with_tone(load_config(what, up=up, integrator=integrator), exposure, tone_mapping)
+        plan = make_plan(make_layout(loaded))
         plan = plan if view is None else plan_of_view(plan, view)
         print_notes(plan)
         return plan
@@ -103,7 +109,7 @@ def _render_image(
     from wall.commands.render import render_layers
     from wall.display.image_file import write_image, write_layers
     from wall.operators.denoise import denoised, load_denoiser
-    from wall.roles.plan import exposure_at
+    from wall.roles.tone import tone_at
 
     denoiser = load_denoiser("--denoise") if denoise else None
     needed = tuple(dict.fromkeys((*layers, *(("albedo", "normal") if denoise else ()))))
@@ -128,7 +134,7 @@ def _render_image(
     if layers:
         write_layers(output, {name: found[name] for name in ("colour", *layers)})
     else:
-        write_image(output, image, stops=exposure_at(plan, at))
+        write_image(output, image, tone=tone_at(plan, at))
     size = f"{image.shape[1]}x{image.shape[0]}"
     console.print(f"wrote {output}: {size}, {quality.spp} samples a pixel, seed {quality.seed}")
 

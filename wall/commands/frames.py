@@ -130,8 +130,8 @@ def _written(
 ) -> Iterator[NDArray[np.uint8]]:
     for count, (image, event, number) in enumerate(zip(images, events, numbers, strict=True), 1):
         if targets.pattern is not None:
-            write_image(targets.file(number), image, stops=event.exposure)
-        yield display_values(image, stops=event.exposure)
+            write_image(targets.file(number), image, tone=event.tone)
+        yield display_values(image, tone=event.tone)
         done(count)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32, StatisticsImage
+from wall.core.tone_mapping import Tone
 
 if TYPE_CHECKING:
     from wall.geometry.panels import Wall
@@ -41,7 +42,7 @@ class PanelSamples:
     panel: int  # index in WallImage.panels
     pixels: NDArray[np.int64]  # (n,) y * width + x, each once
     radiance: Float32  # (n, 3) linear RGB; what its pixel shows, where a sampler averages several samples
-    stops: float  # exposure of the image
+    tone: Tone  # of the image
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +127,7 @@ class ParameterState:
     unit: str
     default: tuple[float, ...]  # the configuration's
     value: tuple[float, ...]
+    choices: tuple[str, ...] = ()  # names of the numbers 0, 1, ... of a `choice`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

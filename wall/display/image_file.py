@@ -12,6 +12,7 @@ from PIL import Image
 
 from wall.core.colour import srgb_codes
 from wall.core.data import Float32
+from wall.core.tone_mapping import AS_IT_IS, Tone, tone_mapped
 from wall.display.files import check_target, replaced
 
 SUFFIXES = (".png", ".exr", ".npy")
@@ -30,12 +31,13 @@ def check_suffix(path: Path, *, layers: bool = False) -> None:
     check_target(path, (".exr",) if layers else SUFFIXES)
 
 
-def display_values(linear: Float32, *, stops: float = 0.0) -> NDArray[np.uint8]:
-    """8-bit sRGB (IEC 61966-2-1) of linear light, exposed by so many stops and clipped to 0..1; the same shape."""
-    return srgb_codes(2.0**stops * linear.astype(np.float64))
+def display_values(linear: Float32, *, tone: Tone = AS_IT_IS) -> NDArray[np.uint8]:
+    """8-bit sRGB (IEC 61966-2-1) of linear light (..., 3), exposed, mapped and clipped to 0..1; the same shape."""
+    exposed = 2.0**tone.stops * linear.astype(np.float64)
+    return srgb_codes(exposed if tone.mapping == "none" else tone_mapped(exposed, tone.mapping))
 
 
-def write_image(path: Path, image: Float32, *, stops: float = 0.0) -> None:
+def write_image(path: Path, image: Float32, *, tone: Tone = AS_IT_IS) -> None:
     """Write (h, w, 3) float32 linear RGB: EXR and NPY as it is, PNG as display values, exposed. Raises RunError."""
     check_suffix(path)
     with replaced(path) as part:
@@ -44,7 +46,7 @@ def write_image(path: Path, image: Float32, *, stops: float = 0.0) -> None:
         elif path.suffix.lower() == ".exr":
             _write_exr(part, {"RGB": np.ascontiguousarray(image)})
         else:
-            Image.fromarray(display_values(image, stops=stops)).save(part)
+            Image.fromarray(display_values(image, tone=tone)).save(part)
 
 
 def write_layers(path: Path, layers: Mapping[str, NDArray[Any]]) -> None:

@@ -34,7 +34,7 @@ from wall.geometry.panels import Wall
 HEADER = struct.Struct("<2sBBHHHHII")  # "WP", format, compared, panel, width, height, tiles, version, image number
 STATISTICS_HEADER = struct.Struct("<2sBBHBxHHI")  # "WS", format, compared, panel, overlay, rows, columns, rectangles
 SAMPLES_HEADER = struct.Struct("<2sBBHHHxxII")  # "WN", format, 0, panel, width, height, version, image number
-SAMPLES_COUNTS = struct.Struct("<fII")  # gain, samples, bytes of their pixels
+SAMPLES_COUNTS = struct.Struct("<fBxxxII")  # gain, tone mapping, samples, bytes of their pixels
 FORMAT = 3
 QUALITY = 88  # JPEG with full colour: 0.5 ms and 40 kB for 480x270, no visible blocks
 MOST_TILES = 65_535  # that one message can number
@@ -91,7 +91,7 @@ def encode_samples(samples: Samples, *, whole: bool) -> bytes:
     coded = np.full(0 if whole or not len(ends) else int(ends[-1]) + 1, MORE, np.uint8)
     if len(coded):
         coded[ends] = steps - MORE * longer
-    counts = SAMPLES_COUNTS.pack(samples.gain, len(samples.pixels), len(coded))
+    counts = SAMPLES_COUNTS.pack(samples.tone.gain, samples.tone.code, len(samples.pixels), len(coded))
     return zlib.compress(counts + samples.light.astype("<u2", copy=False).tobytes() + coded.tobytes(), level=1)
 
 

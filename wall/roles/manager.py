@@ -297,7 +297,7 @@ class Manager:
         for director in self._directors:
             if wanted:
                 own = [c for c in commands if c.kind not in OF_ONE_VIEW or self._meant(c) == director.view]
-                news = director.update(own, now, editor.edits, editor.stops)
+                news = director.update(own, now, editor.edits, editor.picture)
             else:
                 news = not running and director.hold()
             if news or now >= self._repeat_due:

@@ -54,7 +54,7 @@ def test_of_a_request_all_holds_or_nothing(plan: Plan) -> None:
     with pytest.raises(EditError, match="want a number"):
         editor.set([("lights.0.intensity", 1), ("exposure", 1), ("sky.strength", -1)])
     assert editor.edits is before
-    assert editor.stops is None
+    assert not editor.picture
 
 
 def test_what_changes_nothing_has_no_number(plan: Plan) -> None:
@@ -69,9 +69,9 @@ def test_exposure_is_no_edit_of_the_scene(plan: Plan) -> None:
     editor = Editor(plan)
     editor.set([("exposure", 1.5)])
     assert editor.edits is NO_EDITS
-    assert editor.exposure(0.0) == 1.5
+    assert editor.tone(0.0).stops == 1.5
     editor.expose(100.0, 0.0)
-    assert editor.exposure(0.0) == 20.0  # the end of its range
+    assert editor.tone(0.0).stops == 20.0  # the end of its range
 
 
 def test_how_many_samples_there_are_is_no_new_scene(tmp_path: Path) -> None:
@@ -220,9 +220,9 @@ def test_edits_are_taken_back_the_newest_first_and_what_follows_at_once_together
     for k in range(10):  # a slider
         editor.set([("lights.0.intensity", k)], 2.0 + 0.1 * k)
     editor.set([("exposure", 3)], 9.0)
-    assert (editor.stops, len(editor.edits.values), editor.edits.number) == (3.0, 2, 11)
+    assert (editor.picture, len(editor.edits.values), editor.edits.number) == ({"exposure": (3.0,)}, 2, 11)
     editor.undo()
-    assert (editor.stops, len(editor.edits.values), editor.edits.number) == (None, 2, 11), "the scene is as it was"
+    assert (editor.picture, len(editor.edits.values), editor.edits.number) == ({}, 2, 11), "the scene is as it was"
     editor.undo()
     assert editor.edits == Edits(14, (("sky.strength", (2.0,)),)), "the number tells that something changed"
     editor.set([("sky.strength", 5)], 9.1)

@@ -133,7 +133,7 @@ class Row {
 
   #label(value) {
     const numbers = value.map(short).join(" "), { unit } = this.#parameter;
-    const text = unit && value.length === 1 ? `${numbers} ${unit}` : numbers;
+    const text = this.#parameter.kind === "choice" ? "" : unit && value.length === 1 ? `${numbers} ${unit}` : numbers;
     if (this.#shown.textContent !== text) this.#shown.textContent = text;
     this.#shown.title = `${numbers} ${unit}`;
     this.#reset.disabled = value.every((x, k) => x === this.#parameter.default[k]);
@@ -166,6 +166,7 @@ function controlsOf(parameter, value, change) {
       of: (v) => v[k], to: (x) => change(value().map((old, n) => (n === k ? x : old))),
     }));
   }
+  if (kind === "choice") return [choice(name, parameter.choices, { of: (v) => v[0], to: (x) => change([x]) })];
   const one = { of: (v) => v[0], to: (x) => change([kind === "whole" ? Math.round(x) : x]) };
   if (!(name in SOFT) && parameter.high - parameter.low > WIDEST) return [stops(name, parameter.default[0], one, parameter.low)];
   const [low, high] = SOFT[name] ?? [parameter.low, parameter.high];
@@ -198,6 +199,14 @@ function slider(name, [low, high, step], { of, to }) {
   const input = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step });
   input.setAttribute("aria-label", name);
   input.oninput = () => to(input.valueAsNumber);
+  return { input, take: (value) => { input.value = of(value); } };
+}
+
+function choice(name, names, { of, to }) {
+  const input = document.createElement("select");
+  input.setAttribute("aria-label", name);
+  input.append(...names.map((each, k) => new Option(each.replaceAll("_", " "), k)));
+  input.onchange = () => to(Number(input.value));
   return { input, take: (value) => { input.value = of(value); } };
 }
 
