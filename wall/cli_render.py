@@ -1,4 +1,4 @@
-"""`wall render` and `wall replay`: converged images, their layers, films; recorded runs traced again."""
+"""`wall render`, `wall screenshot` and `wall replay`: converged images, their layers, films; recorded runs again."""
 
 from __future__ import annotations
 
@@ -159,6 +159,37 @@ def _render_frames(
         console.print(f"wrote {name}: {len(numbers)} frames, {quality.spp} samples a pixel, seed {quality.seed}")
 
 
+def screenshot(
+    config: Annotated[
+        Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="wall.png or .tiff (8-bit sRGB), .exr (linear float32)")
+    ],
+    scale: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Times more pixels each way than the wall has")] = 1.0,
+    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels instead; flat walls only")] = None,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 16,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
+    at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
+    panels: Annotated[bool, typer.Option("--panels", help="A file for each panel, wall-ID.png, instead")] = False,
+    bezels: Annotated[bool, typer.Option("--bezels", help="Dark bezels; else the scene goes on behind them")] = False,
+    view: ViewOption = None,
+) -> None:
+    """Write the whole wall to a file, however large: it is drawn and written strip by strip.
+
+    [bold]wall screenshot configs/demo.yaml --scale 8 -o wall.png[/]
+    """
+    from wall.commands.progress import progress_bar
+    from wall.commands.screenshot import Shot
+    from wall.commands.screenshot import screenshot as take
+
+    shot = Shot(size=parse_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels, view=view)
+    with progress_bar("rendering", count="{task.completed} of {task.total} rows") as update:
+        written = take(load_config(config), output, shot, lambda done, total: update(completed=done, total=total))
+    for one in written:
+        console.print(f"wrote {one.path}: {one.width}x{one.height}, {spp} samples a pixel, seed {seed}")
+
+
 def replay(
     folder: Annotated[Path, typer.Argument(help="What wall run --record wrote", show_default=False)],
     rank: Annotated[list[int] | None, typer.Option(help="Only this rank; may be given several times")] = None,
@@ -192,7 +223,10 @@ def replay(
     if output is not None and batch is None:
         raise ConfigError("-o: wanted --batch with it")
     if film is not None:
-        _replay_film(folder, film, spp=spp, size=size, rate=rate, view=view)
+        from wall.commands.film import make_film
+        from wall.commands.frames import Quality
+
+        make_film(folder, film, Quality(spp=spp, seed=1, size=parse_size(size)), rate=rate, view=view)
         return
     from wall.commands.progress import StartProgress
     from wall.commands.replay import replay as replay_run
@@ -214,21 +248,3 @@ def _batch_of(text: str) -> tuple[int, int]:
     if found is None:
         raise ConfigError(f"--batch {text!r}: wanted a number such as 117, or 117@1 after a rank's first restart")
     return int(found[1]), int(found[2] or 0)
-
-
-def _replay_film(folder: Path, film: Path, *, spp: int, size: str | None, rate: float, view: str | None) -> None:
-    from wall.commands.film import replay_film
-    from wall.commands.frames import Quality
-    from wall.commands.progress import progress_bar
-
-    with progress_bar("rendering frames") as update:
-        count = replay_film(
-            folder,
-            film,
-            Quality(spp=spp, seed=1, size=parse_size(size)),
-            rate=rate,
-            view=view,
-            total=lambda total: update(total=total),
-            done=lambda done: update(completed=done),
-        )
-    console.print(f"wrote {film}: {count} frames at {rate:g} Hz, {spp} samples a pixel")

@@ -74,10 +74,10 @@ def parse_frames(text: str) -> range:
     return range(first, last + 1, step)
 
 
-def checked_rate(rate: float) -> float:
+def checked_rate(rate: float, option: str = "--rate") -> float:
     """Frames a second. Raises ConfigError."""
     if not 0.0 < rate <= MOST_HZ:
-        raise ConfigError(f"--rate {rate:g}: wanted frames a second, above 0, at most {MOST_HZ:g}")
+        raise ConfigError(f"{option} {rate:g}: wanted frames a second, above 0, at most {MOST_HZ:g}")
     return rate
 
 
