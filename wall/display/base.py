@@ -221,6 +221,24 @@ class LaysOut(Sink, Protocol):
         """Tell these from now on; the panels are those of before."""
 
 
+class Choices(Protocol):
+    """What viewers may show instead, by name."""
+
+    names: tuple[str, ...]
+    shown: str  # of them; "": none
+
+    def load(self, name: str) -> tuple[str, str]:
+        """The text of its configuration, and the path of its file. Raises EditError."""
+
+
+@runtime_checkable
+class Offers(Sink, Protocol):
+    """A sink whose viewers may choose what is shown."""
+
+    def offer(self, choices: Choices) -> None:
+        """Offer these from now on. Any thread may call."""
+
+
 @runtime_checkable
 class TellsStatus(Sink, Protocol):
     """A sink that tells its viewers how the run is doing, and does not wait for an image to do so."""

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wall.core.data import StatisticsImage
-from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
+from wall.display.base import Choices, Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.sample_store import Samples
 from wall.display.steering import OVERLAYS
 from wall.display.tiles import packed
@@ -172,6 +172,12 @@ def layout_message(
     size = {"width": wall.width, "height": wall.height}
     others = {"insets": insets, "views": list(views), "images": [asdict(image) for image in images]}
     return json.dumps({"kind": "layout", **size, "panels": panels, **others})
+
+
+def choices_message(choices: Choices | None) -> str:
+    """What viewers may show instead."""
+    names, shown = ((), "") if choices is None else (choices.names, choices.shown)
+    return json.dumps({"kind": "choices", "names": names, "shown": shown})
 
 
 def status_message(status: Status, **more: Any) -> str:

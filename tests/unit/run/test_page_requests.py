@@ -115,11 +115,11 @@ def test_every_message_of_the_guide_is_answered_as_done() -> None:
         answers = told(wall.address, *messages)
     assert [answer["id"] for answer in answers] == [message["id"] for message in messages]
     assert [answer.get("refused") for answer in answers] == [None] * len(messages)
-    kinds = {message["kind"] for message in messages} | {"focus", "load", "edit"}  # without a lens, without leave
+    kinds = {message["kind"] for message in messages} | {"focus", "load", "edit", "choose"}  # without lens, leave, choices
     table = GUIDE.read_text(encoding="utf-8").partition("## Requests")[2].partition("`view` is a")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     assert kinds | {"kind"} == {word for row in rows for word in row.split("`")[1::2]}
-    assert kinds == {*get_args(Kind), "list", "load", "edit"} - {"statistics"}
+    assert kinds == {*get_args(Kind), "list", "load", "edit", "choose"} - {"statistics"}
 
 
 def test_assignments_hold_all_or_none_and_the_sender_hears_why(served: Served) -> None:

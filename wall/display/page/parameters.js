@@ -111,7 +111,9 @@ class Row {
     this.#parameter = parameter;
     this.element.className = "parameter";
     this.element.dataset.name = parameter.name;
-    const name = Object.assign(document.createElement("span"), { textContent: label, title: parameter.name });
+    this.element.dataset.kind = parameter.kind;
+    const text = parameter.kind === "choice" ? label.replaceAll("_", " ") : label;
+    const name = Object.assign(document.createElement("span"), { textContent: text, title: parameter.name });
     this.#shown = document.createElement("output");
     this.#reset = Object.assign(document.createElement("button"), { type: "button", textContent: "↺" });
     this.#reset.setAttribute("aria-label", `${parameter.name}: as configured`);
