@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -56,6 +57,9 @@ def render(
     denoise: Annotated[
         bool, typer.Option("--denoise", help="Estimate the image behind the noise: Open Image Denoise, pip: pyoidn")
     ] = False,
+    legend: Annotated[
+        bool, typer.Option("--legend", help="Draw the legends of the configuration's graph over the image")
+    ] = False,
     frames: Annotated[
         str | None, typer.Option(help="FIRST:LAST[:STEP]: many images, of the moments frame number / --rate")
     ] = None,
@@ -94,17 +98,19 @@ def render(
         if output is None:
             raise ConfigError("-o is missing; wanted a file, such as wall.png")
         check_suffix(output, layers=bool(names))
-        _render_image(planned, output, quality, at=at, layers=names, denoise=denoise)
+        _render_image(planned, output, quality, at=at, layers=names, denoise=denoise, legend=legend)
         return
     if names or at or denoise:
         other = "--layers" if names else "--at" if at else "--denoise"
         raise ConfigError(f"--frames with {other}: wanted one of them; frames are plain images of moments of their own")
-    _render_frames(planned, output, quality, frames=frames, rate=rate, film=film)
+    _render_frames(planned, output, quality, frames=frames, rate=rate, film=film, legend=legend)
 
 
 def _render_image(
-    planned: Callable[[], Plan], output: Path, quality: Quality, *, at: float, layers: Names, denoise: bool
-) -> None:
+    planned: Callable[[], Plan], output: Path, quality: Quality, *, at: float, layers: Names, denoise: bool,
+    legend: bool,
+) -> None:  # fmt: skip
+    from wall.commands.legends import legends_of
     from wall.commands.progress import progress_bar
     from wall.commands.render import render_layers
     from wall.display.image_file import write_image, write_layers
@@ -115,6 +121,7 @@ def _render_image(
     needed = tuple(dict.fromkeys((*layers, *(("albedo", "normal") if denoise else ()))))
     with progress_bar("rendering") as update:
         plan = planned()
+        over = legends_of(plan.layout, quality.size).draw if legend else None
         found = render_layers(
             plan,
             spp=quality.spp,
@@ -132,18 +139,21 @@ def _render_image(
         )
     image = found["colour"]
     if layers:
+        if over is not None:
+            over(image)
         write_layers(output, {name: found[name] for name in ("colour", *layers)})
     else:
-        write_image(output, image, tone=tone_at(plan, at))
+        write_image(output, image, tone=tone_at(plan, at), over=over)
     size = f"{image.shape[1]}x{image.shape[0]}"
     console.print(f"wrote {output}: {size}, {quality.spp} samples a pixel, seed {quality.seed}")
 
 
 def _render_frames(
     planned: Callable[[], Plan], output: Path | None, quality: Quality, *, frames: str | None, rate: float,
-    film: Path | None,
+    film: Path | None, legend: bool,
 ) -> None:  # fmt: skip
     from wall.commands.frames import Targets, checked_rate, parse_frames, render_frames
+    from wall.commands.legends import legends_of
     from wall.commands.progress import progress_bar
 
     if frames is None or (output is None and film is None):
@@ -153,6 +163,8 @@ def _render_frames(
     rate = checked_rate(rate)
     with progress_bar("rendering frames") as update:
         plan = planned()
+        if legend:
+            targets = replace(targets, over=legends_of(plan.layout, quality.size).draw)
         update(total=len(numbers))
         render_frames(plan, quality, numbers, targets, rate=rate, done=lambda count: update(completed=count))
     for name in filter(None, (output, film)):

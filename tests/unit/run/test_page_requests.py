@@ -115,7 +115,8 @@ def test_every_message_of_the_guide_is_answered_as_done() -> None:
         answers = told(wall.address, *messages)
     assert [answer["id"] for answer in answers] == [message["id"] for message in messages]
     assert [answer.get("refused") for answer in answers] == [None] * len(messages)
-    kinds = {message["kind"] for message in messages} | {"focus", "load", "edit", "choose"}  # without lens, leave, choices
+    without = {"focus", "load", "edit", "choose"}  # no lens, no leave, nothing to choose
+    kinds = {message["kind"] for message in messages} | without
     table = GUIDE.read_text(encoding="utf-8").partition("## Requests")[2].partition("`view` is a")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     assert kinds | {"kind"} == {word for row in rows for word in row.split("`")[1::2]}
