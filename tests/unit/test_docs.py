@@ -68,7 +68,7 @@ def test_commands_in_sentences_are_there_with_their_options(page: Path) -> None:
     prose = "".join(text for kind, text in parts_of(page) if kind == "text")
     for text in re.findall(r"`wall ([^`\n]+)`", prose):
         command, rest = found_in(text.replace("\\|", "|").split())
-        known = {name for option in command.params for name in (*option.opts, *option.secondary_opts)} | {"--help", "-h"}
+        known = {"--help", "-h"} | {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
         options = {word.partition("=")[0].rstrip(",;:.)") for word in rest if re.match(r"--?[a-z]", word)}
         assert options <= known, text
 

@@ -255,6 +255,8 @@ def with_checked_tracks(scene: Scene, parameters: Mapping[str, Parameter]) -> Sc
     for track in scene.parameter_tracks:
         try:
             parameter = named(parameters, track.name)
+            if parameter.kind == "choice":
+                raise EditError(f"{track.name}: nothing lies between its values; wanted: no keyframes")
             rows = [parameter.checked(row) for row in track.values.tolist()]
         except EditError as error:
             raise SceneError(f"scene.animation, type parameter: {error}") from error

@@ -80,7 +80,7 @@ def test_a_slow_viewer_that_makes_images_itself_gets_each_pixel_s_newest_sample_
         data = await viewer.socket.receive_bytes()
         assert (data[:2], message["panels"]) == (b"WN", 1)
         body = zlib.decompress(data[SAMPLES_HEADER.size :])
-        count = SAMPLES_COUNTS.unpack_from(body)[1]
+        count = SAMPLES_COUNTS.unpack_from(body)[2]
         return message["number"], np.frombuffer(body, "<u2", 3 * count, SAMPLES_COUNTS.size)
 
     async def act(viewer):

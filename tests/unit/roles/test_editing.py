@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from running import write_config
 
+from wall.commands.set import lines_of, parse_assignment
 from wall.commands.set import note_of as words_of
 from wall.config.loading import load
 from wall.core.data import MOST_SAMPLES, NO_EDITS, SAMPLE, Batch, Edits, Event, Rect
 from wall.core.errors import EditError
+from wall.core.tone_mapping import Tone
 from wall.packets.control import EditAnswer, EditRequest, Hello, WindowInput, parse_control, serialise
 from wall.packets.notes import Note, note_of
 from wall.roles.compositor import REFUSAL_SHOWN_S, Compositor
@@ -148,6 +150,19 @@ def test_an_edit_is_published_at_once_as_a_scene_event_and_answered(plan: Plan) 
     (event,) = events
     assert event.scene_event == 1
     assert event.edits == Edits(1, (("sky.strength", (2.0,)),))
+
+
+def test_tone_mapping_is_chosen_by_name_published_and_undone(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True, key=KEY)
+    list(manager.on_tick(0.0))
+    name, value = parse_assignment("tone_mapping=aces")
+    (answer,), (event,) = told(manager, request((name, value), listed=name), 1e-4)
+    assert (event.number, event.tone) == ((0, 0), Tone(0.0, "aces"))
+    assert next(lines_of(answer.parameters)).split()[:5] == ["tone_mapping", "aces", "one", "of", "none,"]
+    _, (event,) = told(manager, WindowInput(rank=HEAD, commands=[{"kind": "undo"}]), 2e-2)
+    assert (event.tone_mapping, manager.editor.picture) == ("none", {})
+    with pytest.raises(EditError, match=r"want numbers .* or one of none, reinhard, aces, khronos_neutral"):
+        parse_assignment("tone_mapping=filmic")
 
 
 def test_exposure_is_published_without_a_new_number(plan: Plan) -> None:

@@ -206,6 +206,8 @@ def test_keyframes_of_what_there_is_not_or_cannot_be_are_refused() -> None:
         checked(keyframed("lights.7.intensity", (0.0, 1.0)))
     with pytest.raises(SceneError, match=r"sky\.strength = .*want a number from 0"):
         checked(keyframed("sky.strength", (0.0, -1.0)))
+    with pytest.raises(SceneError, match=r"tone_mapping: nothing lies between its values; wanted: no keyframes"):
+        checked(keyframed("tone_mapping", (0.0, 1.0)))
 
 
 def test_one_number_in_a_keyframe_is_meant_for_all_of_a_colour() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 
 NONE, REINHARD, ACES, NEUTRAL = range(4)
-ZERO, ONE = np.float32(0.0), np.float32(1.0)
+ZERO, ONE, FOUR = np.float32(0.0), np.float32(1.0), np.float32(4.0)
 BRIGHTEST = np.float32(1e6)  # what is brighter, infinity too, is mapped as this
 A, B, C, D, E = (np.float32(x) for x in (2.51, 0.03, 2.43, 0.59, 0.14))  # of ACES
 FRESNEL, KNEE, DESATURATION = np.float32(0.04), np.float32(0.76), np.float32(0.15)  # of Khronos; 0.76 = 0.8 - 0.04
@@ -113,3 +113,16 @@ def slope_of_grey(x, curve):
     if curve == NEUTRAL and x < FRESNEL + FRESNEL:
         return (FOOT + FOOT) * x
     return ONE if curve == NEUTRAL or x < ONE else ZERO
+
+
+@inline_kernel
+def slope_of_display(light, curve):
+    """Square of how fast the value shown, about sqrt(mapped light), grows with exposed light above 0, up to white.
+
+    Under NEUTRAL the steeper of a grey's and of a pure colour's, which loses nothing to the foot.
+    """
+    if curve == NONE:
+        return ONE / (FOUR * min(light, ONE))
+    slope = slope_of_grey(light, curve)
+    squared = slope * slope / (FOUR * shown_grey(light, curve))
+    return max(squared, ONE / (FOUR * light)) if curve == NEUTRAL and light < KNEE else squared

@@ -9,7 +9,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.core.kernels.hashing import hash_uint32
-from wall.core.kernels.tone_mapping import KNEE, NEUTRAL, NONE, shown_grey, slope_of_grey
+from wall.core.kernels.tone_mapping import NONE, shown_grey, slope_of_display
 from wall.deepbuffer.kernels.columns import BLUE, COUNT, GREEN, LUMINANCE_DEVIATIONS, LUMINANCE_MEAN, RED
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y
@@ -203,19 +203,6 @@ def still_gain(pixel, contrast, n, floor, enough, tone):
     clipped = beyond * beyond * n * n > SURELY * (deviations + FOUR * contrast)
     known = (n >= MOST) | ((n >= BELIEVED) & (clipped | (variance < enough * enough * n)))
     return ZERO if known else variance / ((n + np.float32(0.5)) * (n + ONE)) + floor
-
-
-@inline_kernel
-def slope_of_display(light, mapping):
-    """Square of how fast the value shown grows with exposed light above 0, up to that of white.
-
-    Under NEUTRAL the steeper of a grey's and of a pure colour's, which loses nothing to the foot.
-    """
-    if mapping == NONE:
-        return ONE / (FOUR * min(light, ONE))
-    slope = slope_of_grey(light, mapping)
-    squared = slope * slope / (FOUR * shown_grey(light, mapping))
-    return max(squared, ONE / (FOUR * light)) if mapping == NEUTRAL and light < KNEE else squared
 
 
 @kernel
