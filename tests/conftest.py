@@ -6,6 +6,7 @@ import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+import hypothesis
 import numba
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from wall.scene.build import Scene
 from wall.study.accuracy import scenes
 
 JIT_DISABLED = bool(numba.config.DISABLE_JIT)
+hypothesis.settings.register_profile("wall", deadline=None)  # an example may wait for other processes' turn
+hypothesis.settings.load_profile("wall")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import json
 import os
@@ -13,6 +14,8 @@ import sys
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,6 +23,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+
+from wall import cli
 
 WALL = (sys.executable, "-m", "wall")
 PICTURE_S = 20.0  # for a picture to come, or to change and stand still
@@ -31,7 +36,7 @@ version: 1
 scene: {{source: {source}}}
 wall: {{grid: {{columns: {columns}, rows: {rows}, pixels: [64, 48], size: [0.4, 0.3], bezel: 0.01}}}}
 views: [{{id: main, camera: {{position: [6, 4.5, 10], target: [0, 0.6, 0]}}, refresh_hz: 30{path}}}]
-sampling: {{method: {method}, threads: {threads}, samples_per_batch: 256}}
+sampling: {{method: {method}, threads: {threads}, samples_per_batch: {batch}}}
 graph: {{preset: sort-first, ranks_per_panel: {ranks}, compositors: {compositors}, sinks: [png]}}
 transport:
   {{kind: {transport}, encrypt: {encrypt}, codec: {codec}, heartbeat_s: 0.2, lost_after_s: {lost_after_s},
@@ -48,6 +53,7 @@ def write_config(folder: Path, **changes: Any) -> Path:
         "path": "",
         "method": "frameless",
         "threads": 1,
+        "batch": 256,
         "ranks": 1,
         "compositors": 1,
         "transport": "zmq",
@@ -65,6 +71,39 @@ def wall(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Compl
     """Run `wall` with these arguments to its end."""
     command = [*launcher, *WALL, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=RUN_LIMIT_S, env=environment(), check=False)
+
+
+def called(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """What `wall` with these arguments says and returns, called in this process: without the second of a start."""
+    command, said, errors = ["wall", *map(str, arguments)], io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(said), redirect_stderr(errors):
+        patch.setattr(sys, "argv", command)
+        try:
+            cli.main()
+        except SystemExit as ended:
+            code = ended.code
+        else:
+            code = 0
+    assert isinstance(code, int)
+    return subprocess.CompletedProcess(command, code, said.getvalue(), errors.getvalue())
+
+
+def made_once(folders: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
+    """A folder of this name that `make` has filled: once, whichever of pytest's processes comes first.
+
+    Each of them would make a fixture of its module's tests anew; others wait meanwhile. What is there is only read.
+    """
+    own = folders.getbasetemp()
+    shared = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+    folder, done = shared / name, shared / f"{name}.done"
+    with open(shared / f"{name}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not done.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir()
+            make(folder)
+            done.touch()
+    return folder
 
 
 def start(*arguments: object, launcher: tuple[str, ...] = (), stdin: IO[str] | None = None) -> subprocess.Popen[str]:

@@ -81,12 +81,13 @@ class Client:
         pairs = [[name, list(value) if isinstance(value, tuple) else value] for name, value in values.items()]
         return self.request(assignments=pairs).edit
 
-    def undo(self, steps: int = 1) -> int:
+    def undo(self, steps: int = 1, *, patience_s: float = LOAD_S) -> int:
         """Take back the newest edits, whoever made them. Returns the number of the edit that does so.
 
-        What follows at once on the same parameters, as of a slider that is drawn, is one step.
+        What follows at once on the same parameters, as of a slider that is drawn, is one step. `patience_s`: seconds to
+        wait; where a configuration is taken back, every rank loads the one before.
         """
-        return self.request(undo=steps).edit
+        return self.request(undo=steps, patience_s=patience_s).edit
 
     def orbit(self, x: float, y: float = 0.0, *, view: int | str = 0) -> None:
         """Turn a view's camera about what it looks at, as a drag does: wall heights, x to the right, y down.
@@ -107,13 +108,16 @@ class Client:
         """Take a view's camera back to its path, or to where it is configured."""
         self._steer({"kind": "reset", "view": view})
 
-    def pause(self, paused: bool = True) -> None:
-        """Stop the scene's time and camera paths; `paused` False: let them go on."""
-        self._steer({"kind": "pause", "paused": paused})
+    def pause(self, paused: bool = True, *, view: int | str | None = None) -> None:
+        """Stop the time of the scene and of camera paths; `paused` False: let it go on.
 
-    def seek(self, seconds: float) -> None:
-        """Add seconds to the scene's time and to that of camera paths, back at most to 0; an hour at once."""
-        self._steer({"kind": "seek", "x": seconds})
+        `view`: its name, or its number from 0: that view's time alone, and that of views that follow it; None: all.
+        """
+        self._steer({"kind": "pause", "paused": paused} | ({} if view is None else {"view": view}))
+
+    def seek(self, seconds: float, *, view: int | str | None = None) -> None:
+        """Add seconds to that time, back at most to 0; an hour at once; `view`: as above."""
+        self._steer({"kind": "seek", "x": seconds} | ({} if view is None else {"view": view}))
 
     def _steer(self, command: dict[str, object]) -> None:
         self.request(commands=[command])
@@ -134,7 +138,6 @@ class Client:
 
             path = str(Path(configuration).absolute())
             text = read_text(path)
-        self.request(listed=("exposure",))  # a wall that has ended answers nothing: not for that long
         return self.request(configuration=text, path=path, patience_s=patience_s).edit
 
     def edit(self, *changes: str, patience_s: float = LOAD_S) -> int:
@@ -145,7 +148,6 @@ class Client:
 
         It holds, and is refused, as what `load` loads; `undo` takes it back where no parameter was set since.
         """
-        self.request(listed=("exposure",))  # as for `load`
         return self.request(changes=changes, patience_s=patience_s).edit
 
     def request(
@@ -159,7 +161,11 @@ class Client:
             client=0, number=0, key="", assignments=list(assignments), listed=list(listed), undo=undo,
             configuration=configuration, path=path, commands=list(commands), changes=list(changes),
         )  # fmt: skip
-        answer = self._way.edit(request, self._patience_s if patience_s is None else patience_s)
+        if patience_s is None:
+            patience_s = self._patience_s
+        elif patience_s > self._patience_s:
+            self.request(listed=("exposure",))  # a wall that has ended answers nothing: not for that long
+        answer = self._way.edit(request, patience_s)
         if answer.refused:
             raise EditError(answer.refused)
         return answer

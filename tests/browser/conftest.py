@@ -58,7 +58,8 @@ class Source(threading.Thread):
     views: tuple[str, ...] = ("main",)
     tokens: bool = False
     offered: tuple[ParameterState, ...] = ()
-    handles: Handles | None = None  # of the object that is selected
+    handles: Handles | None = None  # of what is selected
+    selected: tuple[str, ...] = ("urn",)  # by view
     values: dict[str, tuple[float, ...] | None] = field(default_factory=dict)  # None: as configured
     __hash__ = threading.Thread.__hash__
 
@@ -167,6 +168,7 @@ class Source(threading.Thread):
             compare=self.compare,
             compared_per_s=2e6 if self.compare else 0.0,
             bookmarks=self.bookmarks,
+            selected=self.selected,
             right_ms=420.0,
             stale=self.stale if self.lost_rank else (),
             slow="Rank 2 (r0c1) makes 3 of 30 images a second." if self.lost_rank else "",

@@ -15,11 +15,14 @@ NAME = "objects.urn.offset"
 LIMIT = 3.0
 
 
-def place(x: float, y: float, rect: tuple[int, int, int, int], *, unit: float = 40.0, view: int = 0) -> HandlesPlace:
+def place(
+    x: float, y: float, rect: tuple[int, int, int, int], *, unit: float = 40.0, view: int = 0, parameter: str = NAME
+) -> HandlesPlace:
     """Seen along -z from far away: x to the right, y up, 40 pixels a unit; z comes 0.3 as far up and to the right."""
     z = 0.3 * unit
     rows = ((0.0, 0.0, 0.0, 1.0), (unit, 0.0, z, x), (0.0, -unit, -z, y))
-    return HandlesPlace(view=view, rect=rect, wall_from_object=tuple(number for row in rows for number in row))
+    matrix = tuple(number for row in rows for number in row)
+    return HandlesPlace(view=view, parameter=parameter, value=(0.5, 0.0, 0.0), rect=rect, wall_from_object=matrix)
 
 
 @pytest.fixture
@@ -33,10 +36,7 @@ def selected(page, source):
         ),
     )
     rects = (0, 0, half, height), (half, 0, width - half, height)
-    source.handles = Handles(
-        parameter=NAME, value=(0.5, 0.0, 0.0),
-        places=tuple(place(width / 2 - 60.0, height / 2, rect) for rect in rects),
-    )  # fmt: skip
+    source.handles = Handles(places=tuple(place(width / 2 - 60.0, height / 2, rect) for rect in rects))
     page.wait_for_selector("#parameters:not([hidden])")
     find(page, ".handle.x .tip")
     return page
@@ -129,7 +129,7 @@ def test_where_another_viewport_lies_over_it_a_handle_is_not(selected, source):
     frame = -selected.evaluate("document.querySelector('.face > svg').viewBox.baseVal.x")
     left, top = int((x - box["x"]) / scale - frame) - 12, int((y - box["y"]) / scale - frame) - 12
     over = place(-500.0, -500.0, (left, top, 24, 24), view=1)
-    source.handles = Handles(parameter=NAME, value=(0.5, 0.0, 0.0), places=(first, second, over))
+    source.handles = Handles(places=(first, second, over))
     eventually(selected, lambda: selected.locator(".handles").count() == 3, "three viewports")
     selected.mouse.move(x, y)
     selected.mouse.down()

@@ -10,6 +10,7 @@ from page_input import drag, eventually
 
 from wall.config.loading import loads
 from wall.config.sampling import METHODS
+from wall.display.base import ParameterState
 from wall.geometry.panels import Wall
 from wall.roles.plan import make_layout
 
@@ -82,3 +83,21 @@ def test_each_view_has_its_sampler_and_nothing_is_compared(page: Any, source: An
     page.locator(f"#samplers input[value={METHODS[2]}]").check(force=True)
     eventually(page, lambda: source.received and source.received[-1].get("view") == 1, "asked for the map")
     assert source.received[-1] == {"kind": "sampler", "value": METHODS[2], "view": 1}
+
+
+def test_time_and_selection_are_those_of_the_steered_view(page: Any, source: Any) -> None:
+    source.selected = ("urn", "lamp")
+    names = "objects.urn.visible", "objects.lamp.visible"
+    source.offered = tuple(
+        ParameterState(name=name, kind="whole", low=0, high=1, unit="", default=(1.0,), value=(1.0,)) for name in names
+    )
+    page.wait_for_selector("#parameters:not([hidden])")
+    page.focus("#wall")
+    shown = page.locator(".parameter")
+    eventually(page, lambda: shown.evaluate_all("e => e.map((each) => each.dataset.name)") == [names[0]], "the urn's")
+    page.keyboard.press("n")
+    eventually(page, lambda: shown.evaluate_all("e => e.map((each) => each.dataset.name)") == [names[1]], "the lamp's")
+    page.keyboard.press(".")
+    page.keyboard.press(" ")
+    wanted = [{"kind": "seek", "x": 0.5, "view": 1}, {"kind": "pause", "view": 1}]
+    eventually(page, lambda: source.received == wanted, "the map's time")

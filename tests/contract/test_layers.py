@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from wall.compositing.executor import Executor
 from wall.config.loading import loads
-from wall.core.data import Camera
+from wall.core.data import Camera, Framelet
 from wall.geometry.cameras import look_at
 from wall.roles.plan import Plan, make_layout, make_plan
+from wall.roles.timewarp import Timewarp
 from wall.run.single_process import SingleProcess
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
@@ -25,11 +29,11 @@ wall: {grid: {columns: 2, rows: 1, pixels: [PIXELS], size: [0.4, 0.3]}}
 views: [{id: main, camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, refresh_hz: 30, prediction: none}]
 sampling: {method: METHOD, samples_per_batch: BATCH}
 graph:
-  nodes:
+COMPOSITORS  nodes:
     - {id: s0, op: samples, panel: r0c0, range: [0, 0.5]SAMPLES}
     - {id: near0, op: samples, panel: r0c0, range: [0.5, 1]RANKS}
-    - {id: f0, op: reconstruct, input: s0, background: transparent, order: 1LAYER}
-    - {id: n0, op: reconstruct, input: near0, background: transparent, order: 0}
+    - {id: f0, op: reconstruct, input: s0, background: transparent, order: 1LAYERF0}
+    - {id: n0, op: reconstruct, input: near0, background: transparent, order: 0N0}
     - {id: sky, op: sky, panel: r0c0, order: 2}
     - {id: picture, op: OPERATOR, inputs: [n0, f0, sky]}
     - {id: s1, op: samples, panel: r0c1}
@@ -51,11 +55,15 @@ def plan_of(
     ranks: str = "",
     method: str = "framed",
     operator: str = "over",
+    head: str = "",
+    n0: str = "",
+    f0: str = "",
     pixels: str = "64, 48",
     batch: int = 16384,
 ) -> Plan:
     text = TEXT.replace("PIXELS", pixels).replace("METHOD", method).replace("OPERATOR", operator)
     text = text.replace("BATCH", str(batch))
+    text = text.replace("COMPOSITORS", head).replace("F0", f0).replace("N0", n0)
     text = text.replace("SAMPLES", samples).replace("LAYER", layer).replace("RANKS", ranks)
     return make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
 
@@ -89,7 +97,10 @@ def pan(refresh: int) -> Camera:
 
 def film(plan: Plan, scene: TracerScene, refreshes: int) -> Iterator[NDArray[np.float64]]:
     """What each refresh shows of the first panel under a camera that pans; every image is traced in time for it."""
-    chain = SingleProcess(plan, scene, at_renderers=False)
+    yield from film_of(SingleProcess(plan, scene, at_renderers=False), refreshes)
+
+
+def film_of(chain: SingleProcess, refreshes: int) -> Iterator[NDArray[np.float64]]:
     for k in range(refreshes):
         chain.clock.advance(k / 30 - chain.clock.now())
         chain.event = replace(chain.event, camera=pan(k), camera_event=k + 1, input_time=k / 30)
@@ -127,6 +138,31 @@ def test_a_slow_layer_goes_with_the_camera(scene: TracerScene, compiled_only: No
     warped = np.mean([rms(slow[k], plain[k]) for k in between])
     held = np.mean([rms(plain[k - k % REFRESHES_HELD], plain[k]) for k in between])
     assert warped <= min(WARPED_CODES, WARPED_SHARE * held)
+
+
+@pytest.mark.parametrize("far", ["f0", "n0"])
+def test_over_shows_one_moment_also_of_what_another_process_has_made(
+    scene: TracerScene, compiled_only: None, far: str
+) -> None:
+    """A background, or what is before it, that comes two refreshes late: much nearer to the image of one process."""
+    plan = plan_of(pixels="128, 96", head="  compositors: 2\n", **{far: ", on: compositor 1"})
+    graph, chain = plan.layout.graph, SingleProcess(plan, scene, at_renderers=False)
+    step, picture = graph.step(far), graph.step("picture")
+    own = chain.composition._nodes.executor.framelets
+    late, errors = deque[Framelet](), {True: list[float](), False: list[float]()}
+    for k, plain in enumerate(film_of(chain, 8)):
+        late.append(deepcopy(own[step.index]))
+        if k < 2:
+            continue
+        others = {s.index: own[s.index] for s in graph.steps if s.index in own and s.index < picture.index}
+        for moves in (True, False):
+            moment = Timewarp(plan) if moves else None
+            head = Executor(graph, picture.rank, {**others, step.index: late[0]}, Path(), moment)
+            head.step({s: [graph.steps[s].rect] for s in (step.index, picture.index - 1)}, chain.event)
+            shown = head.framelets[picture.index].colour
+            errors[moves].append(rms(shown.astype(float), plain))
+        late.popleft()
+    assert np.mean(errors[True]) < 0.5 * np.mean(errors[False])
 
 
 def test_a_layer_of_fewer_pixels_is_near_the_plain_one(scene: TracerScene, compiled_only: None) -> None:

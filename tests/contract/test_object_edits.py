@@ -19,7 +19,7 @@ from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 TEXT = """\
 version: 1
 scene: {{source: gallery}}
-wall: {{grid: {{columns: 1, rows: 1, pixels: [64, 48], size: [0.4, 0.3]}}}}
+wall: {{grid: {{columns: 1, rows: 1, pixels: [48, 36], size: [0.4, 0.3]}}}}
 views: [{{camera: {{position: [2.4, 2.2, 3.6], target: [0, 0.7, 0], fov: 30}}}}]
 sampling: {{method: {method}}}
 """
@@ -90,7 +90,7 @@ def test_objects_of_a_name_are_one_parameter_and_pages_are_spared_them() -> None
     assert len(found) == 3 * len(names)
     assert not any(name.startswith("objects.") for name in shown_parameters(plan))
     own = [f"objects.{NAME}.{what}" for what in ("offset", "rotation", "visible")]
-    assert list(shown_parameters(plan, NAME))[:3] == own
+    assert list(shown_parameters(plan, [NAME, NAME, ""]))[:3] == own
     editor = Editor(plan)
     editor.set([(f"objects.{NAME}.visible", 0)])
     editor.undo()

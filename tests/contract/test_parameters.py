@@ -108,7 +108,7 @@ def test_stored_samples_take_a_light_s_edit_at_the_next_refresh_and_converge_to_
     plan = planned(tmp_path, method="adaptive")
     scene = make_tracer_scene(plan.scene)
     values = {"lights.2.irradiance": (0.0, 0.0, 4.0)}
-    whole = SingleProcess(plan, scene)
+    whole = SingleProcess(planned(tmp_path, method="adaptive", batch=2048), scene)  # at its end after fewer steps
     wanted = finished(whole, 1, values).astype(float)
 
     def picture(running: SingleProcess, batches: int) -> NDArray[np.float64]:

@@ -86,7 +86,7 @@ UNUSED = [f"{kind}{k}{r}" for kind in "sf" for k in range(2) for r in (2, 3)] + 
 
 
 def test_adaptive_samples_at_rest_put_together_are_the_sort_first_image_within_the_filters() -> None:
-    text = TEXT.replace("[64, 48]", "[24, 18]") + "sampling: {method: adaptive, samples_per_batch: 256}\n"
+    text = TEXT.replace("[64, 48]", "[24, 18]") + "sampling: {method: adaptive, samples_per_batch: 1024}\n"
     first, last = (still(text + graph) for graph in (SORT_FIRST, tree()))
     assert np.abs(first.astype(int) - last).mean() <= ADAPTIVE_CODES
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from running import page_of, start, summary, wall
+from running import called, page_of, start, summary
 
 from wall.commands.replay import replay
 
@@ -93,7 +93,7 @@ def test_the_rows_of_a_renderer_that_dies_are_the_others(tmp_path: Path, run: su
     while regions_at(address)[1:] != ["", whole]:
         assert time.monotonic() < deadline, regions_at(address)
     black = [f"sky.{part}=0,0,0" for part in ("zenith", "horizon", "ground")]
-    assert wall("set", "--out", tmp_path / "out", *black).returncode == 0
+    assert called("set", "--out", tmp_path / "out", *black).returncode == 0
     while True:
         image = image_at(address)
         if not image[2, 2].any() and not image[2, -3].any():

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from running import WALL, environment, mpirun, page_of, session_of, shown, start, summary, wall, write_config
+from running import WALL, called, environment, mpirun, page_of, session_of, shown, start, summary, write_config
 
 from wall.client import connect
 
@@ -116,7 +116,7 @@ def test_processes_join_a_run_of_mpirun_in_a_dead_rank_s_place_and_beside_the_ot
 
 
 def test_who_has_the_wrong_key_or_no_wall_is_refused(tmp_path: Path) -> None:
-    done = wall("join", tmp_path)
+    done = called("join", tmp_path)
     assert done.returncode == 1
     assert "control.json: no such file" in " ".join(done.stderr.split())
     done = subprocess.run(

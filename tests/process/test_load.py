@@ -13,7 +13,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from running import PICTURE_S, mpirun, page_of, panels, session_of, shown, start, summary, until, wall, write_config
+from running import (
+    PICTURE_S,
+    called,
+    made_once,
+    mpirun,
+    page_of,
+    panels,
+    session_of,
+    shown,
+    start,
+    summary,
+    until,
+    wall,
+    write_config,
+)
 
 from wall.client import connect
 from wall.core.errors import ConfigError, EditError
@@ -59,11 +73,13 @@ def another(config: Path, folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def wanted(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.int16]:
     """What a new run of `another` shows at rest: its panels side by side."""
-    folder = tmp_path_factory.mktemp("fresh")
+    return np.concatenate(panels(made_once(tmp_path_factory, "fresh", run_another)), axis=1).astype(np.int16)
+
+
+def run_another(folder: Path) -> None:
     config = another(of_two_panels(folder), folder)
     done = wall("run", config, "--headless", "--until-complete", "--seconds", 60, "--out", folder)
     assert done.returncode == 0, done.stderr
-    return np.concatenate(panels(folder), axis=1).astype(np.int16)
 
 
 def of_panels(picture: NDArray[np.int16]) -> NDArray[np.int16]:
@@ -115,7 +131,7 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
         ("source: courtyard", "source: nosuch.glb", "nosuch.glb: there is no such file"),
     ):
         broken.write_text(second.read_text().replace(was, becomes))
-        refused = wall("load", broken, "--out", tmp_path / "OUT")
+        refused = called("load", broken, "--out", tmp_path / "OUT")
         assert refused.returncode == 2, refused.stdout
         assert says in " ".join(refused.stderr.split())
     for way in (tmp_path / "OUT", address):
@@ -127,7 +143,7 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
     until_alike(address, wanted)
 
     changes = ("views-=map", "scene.sky=null", "views.0.camera.position=[6, 4.5, 10]")
-    done = wall("edit", *changes, "--out", tmp_path / "OUT")
+    done = called("edit", *changes, "--out", tmp_path / "OUT")
     assert done.returncode == 0, done.stderr
     until_alike(address, of_panels(first))
     with connect(address) as run:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from running import page_of, shown, start, until, wall, write_config
+from running import called, page_of, shown, start, until, wall, write_config
 from typer.testing import CliRunner
 
 from wall import cli
@@ -51,20 +51,20 @@ def test_an_edit_changes_the_picture_and_a_refused_one_nothing(running: tuple[Pa
     refused = wall("set", "exposure=0", "lights.2.irradiance=-1", "--out", out)
     assert refused.returncode == 2
     assert "lights.2.irradiance = -1.0: want three numbers" in " ".join(refused.stderr.split())
-    listed = wall("set", "--list", "--out", out)
+    listed = called("set", "--list", "--out", out)
     rows = {line.split()[0]: line for line in listed.stdout.splitlines() if line.split()}
     assert rows["exposure"].split()[1] == "1"
     assert rows["lights.2.irradiance"].split()[1] == "0,0,9"
     assert not any(name.startswith("objects.") for name in rows)
-    objects = wall("set", "--list", "objects.*.visible", "--out", out)
+    objects = called("set", "--list", "objects.*.visible", "--out", out)
     assert "objects.floor.visible" in objects.stdout
-    some = wall("set", "--list", "lights.2.*", "exposure", "--out", out)
+    some = called("set", "--list", "lights.2.*", "exposure", "--out", out)
     assert [line.split()[0] for line in some.stdout.splitlines()] == ["exposure", *sorted(rows.keys() & LIGHT)]
-    none = wall("set", "--list", "nothing", "--out", out)
+    none = called("set", "--list", "nothing", "--out", out)
     assert (none.returncode, "no parameter is named like nothing" in none.stderr) == (2, True)
     assert np.array_equal(shown(address), blue)
 
-    done = wall("set", "--undo", 1, "--out", out)
+    done = called("set", "--undo", 1, "--out", out)
     assert (done.returncode, done.stdout) == (0, "set by edit 2\n"), done.stderr
     again = until(address, blue)
     assert np.abs(again - first).max() <= 1
@@ -126,7 +126,7 @@ def test_a_wrong_key_and_a_wall_that_has_gone_are_told(running: tuple[Path, str]
     denied = wall("set", "exposure=1", "--out", forged)
     assert denied.returncode == 2
     assert "the key is not this run's" in denied.stderr
-    gone = wall("set", "exposure=1", "--out", silent)
+    gone = called("set", "exposure=1", "--out", silent)
     assert gone.returncode == 1
     assert "no answer from tcp://127.0.0.1:9 within 5 s" in " ".join(gone.stderr.split())
 
@@ -136,7 +136,7 @@ def test_without_a_wall_it_is_said_where_one_was_looked_for(tmp_path: Path) -> N
     assert done.returncode == 1
     assert "control.json: no such file" in " ".join(done.stderr.split())
     (tmp_path / "control.json").write_text("{}")
-    done = wall("set", "exposure=1", "--out", tmp_path)
+    done = called("set", "exposure=1", "--out", tmp_path)
     assert done.returncode == 1
     assert "does not say how to reach a wall" in " ".join(done.stderr.split())
 

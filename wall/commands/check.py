@@ -108,6 +108,9 @@ def _primitives(scene: Scene) -> str:
 
 def _described(view: ViewConfig) -> str:
     own = [] if view.integrator is None else [view.integrator.method.replace("_", " ")]
+    if (time := view.time) is not None:
+        whose = "a time of its own from" if time.follow is None else f"{time.follow}'s time, shifted by"
+        own.append(f"{whose} {time.offset_s:g} s" + ", paused" * time.paused)
     return ", ".join([f"{view.id} at {view.refresh_hz:g} Hz with weight {view.weight:g}", *own])
 
 

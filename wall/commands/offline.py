@@ -115,10 +115,10 @@ def scaled(panel: Panel, scale: float) -> Panel:
 
 
 def event_at(plan: Plan, at: float) -> Event:
-    """The event that shows scene time `at`, seconds, through the view's own camera path."""
-    tone, camera = tone_at(plan, at), plan.view.camera_at(at)
-    first = first_event(plan, 0.0)
-    return replace(first, scene_time=at, camera=camera, exposure=tone.stops, tone_mapping=tone.mapping)
+    """The event of what the view shows `at` seconds after a run began, through its camera path."""
+    time, first = plan.view.time_after(at), first_event(plan, 0.0)
+    tone, camera = tone_at(plan, time), plan.view.camera_after(at)
+    return replace(first, scene_time=time, camera=camera, exposure=tone.stops, tone_mapping=tone.mapping)
 
 
 class OfflineRenderer:

@@ -111,7 +111,7 @@ def _lines(recorded: Recorded, rank: int, found: ReplayedBatch) -> Iterator[str]
         f"scene event {event.scene_event}, scene time {event.scene_time!r} s, sampler {event.sampler}"
     )
     if found.batch is None:
-        yield "nothing was missing: no sample was traced"
+        yield "no sample is shown: nothing was missing, or more has to come first"
         return
     batch, samples = found.batch, found.batch.samples
     yield f"camera: position {batch.camera.position}, rotation {batch.camera.world_from_wall}"

@@ -6,7 +6,7 @@ the YAML file.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from wall.compositing import checks
@@ -27,6 +27,7 @@ from wall.geometry.rects import panel_rect
 from wall.geometry.seats import curved_image
 from wall.operators.base import Node, Operator
 from wall.operators.curve import Curve
+from wall.operators.over import Over
 
 
 def build(loaded: Loaded, wall: Wall) -> Graph:
@@ -85,12 +86,13 @@ def _planned(config: NodeGraph, wall: Wall, views: Sequence[ViewConfig], refusal
     covering = Covering(wall, refusals)
     covering.find(order)
     covering.check_sinks(order)
-    channels = find_channels(order, refusals)
-    encoded = find_encoded(order, channels, refusals)
-    orders = find_orders(order, refusals)
     placement = Placement(config, wall, ranks, refusals)
     held = covering.panels
     rank_of = placement.find(order, held)
+    apart = _apart(order, rank_of, held) if config.sync == "none" else frozenset[str]()
+    channels = find_channels(order, refusals, moved=apart)
+    encoded = find_encoded(order, channels, refusals)
+    orders = find_orders(order, refusals)
     refusals.raise_any()
     makers = [node for node in order if not isinstance(node, SamplesNode)]
     number = {node.id: k for k, node in enumerate(makers)}
@@ -110,12 +112,28 @@ def _planned(config: NodeGraph, wall: Wall, views: Sequence[ViewConfig], refusal
             if isinstance(node, SinkNode)
             else tuple(sorted(held[node.id])),
             users=tuple(number[user.id] for user in users[node.id]),
+            apart=node.id in apart,
         )
         for node in makers
     )
     layers = _layers(config, samples, steps, ranks, wall)
     hosts = dict(sorted(placement.hosts.items()))
     return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
+
+
+def _apart(
+    order: Sequence[Node], rank_of: Mapping[str, int], held: Mapping[str, frozenset[int]]
+) -> frozenset[str]:
+    """The `over` nodes whose inputs other processes make, all of one panel as it is seen: they can be reprojected."""
+    found, made = set[str](), dict[str, frozenset[int]]()  # panels that a node's pixels come from
+    seen = dict[str, bool]()  # whether they are as their panel is seen
+    for node in order:
+        made[node.id] = held[node.id].union(*(made[name] for name in node.sources))
+        seen[node.id] = node.KEEPS_RAYS and all(seen[name] for name in node.sources)
+        one_panel = len(made[node.id]) == 1 and seen[node.id]
+        if isinstance(node, Over) and one_panel and any(rank_of[k] != rank_of[node.id] for k in node.sources):
+            found.add(node.id)
+    return frozenset(found)
 
 
 def _placed(node: Node, wall: Wall, views: Sequence[ViewConfig]) -> Node:

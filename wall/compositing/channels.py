@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path, users_of
@@ -11,15 +11,21 @@ from wall.core.data import CHANNELS, Channels
 from wall.operators.base import Node, Operator
 
 COLOUR: Channels = frozenset({"colour"})
+MOVED: Channels = frozenset({"depth", "object_id"})  # by which an image is reprojected
 TRANSPARENT: Channels = frozenset({"colour", "depth", "alpha", "time", "object_id"})
 OPAQUE: Channels = frozenset({"colour", "depth", "time", "object_id", "albedo", "normal"})  # with background: keep
 Interval = tuple[int, int]
 
 
-def find_channels(order: Sequence[Node], refusals: Refusals) -> dict[str, Channels]:
-    """What every node's framelet holds: what it can give, as far as somebody after it needs it."""
+def find_channels(
+    order: Sequence[Node], refusals: Refusals, *, moved: Container[str] = ()
+) -> dict[str, Channels]:
+    """What every node's framelet holds: what it can give, as far as somebody after it needs it.
+
+    `moved`: ids of nodes whose inputs are reprojected.
+    """
     given = _given(order, refusals)
-    wanted = _wanted(order)
+    wanted = _wanted(order, moved)
     return {node.id: given[node.id] & (wanted[node.id] | node.MAKES | COLOUR) for node in order if node.id in given}
 
 
@@ -48,12 +54,13 @@ def _refuse(node: Operator, k: int, missing: list[str], channels: Channels, refu
     refusals.add(node, input_path(node, k), came, hint)
 
 
-def _wanted(order: Sequence[Node]) -> dict[str, Channels]:
+def _wanted(order: Sequence[Node], moved: Container[str]) -> dict[str, Channels]:
     wanted: dict[str, Channels] = {node.id: frozenset() for node in order}
     for node in reversed(order):
         if isinstance(node, SamplesNode):
             continue
         needs = node.NEEDS | node.USES if isinstance(node, Operator) else COLOUR
+        needs |= MOVED if node.id in moved else frozenset()
         through = wanted[node.id] if isinstance(node, Operator) else frozenset()
         for name in node.sources:
             wanted[name] |= needs | through

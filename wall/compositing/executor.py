@@ -25,7 +25,8 @@ Regions: TypeAlias = list[Rect]  # of the frame; they may overlap
 Changes: TypeAlias = dict[int, Regions]  # by step
 Settings: TypeAlias = Mapping[str, Mapping[str, float]]  # by node and key
 NO_SETTINGS: Settings = {}
-Reproject: TypeAlias = Callable[[Framelet, Event, int], Framelet]  # of a panel: as it looks under an event
+# of a panel: as it looks under an event, and whether what comes into sight shows what stands beside it, else nothing
+Reproject: TypeAlias = Callable[[Framelet, Event, int, bool], Framelet]
 DENSE = 0.6  # of their bounding box: above it, one large region costs less than many
 
 
@@ -61,6 +62,8 @@ class Executor:
         self.following = [each for each in self._prepared.values() if isinstance(each, Following)]
         self._fresh = {s.index for s in self._steps if not s.inputs}  # files and constants: made once
         self._followed = graph.panels_followed()
+        self._view_of = {layer.panel: layer.view for layer in graph.layers}  # by panel
+        self._newest: dict[int, Event] = {}  # by view
         self._reprojected: set[int] = set()  # steps whose output was made of reprojected inputs
         self._redrawn: dict[int, Rect] = {}  # by step: where an overlay's text has changed
         self.pixels = 0  # written so far
@@ -71,10 +74,13 @@ class Executor:
         `settings`: of nodes, where they are not as configured. Returns all that changed, sources included, by step.
         """
         found: Changes = {k: list(regions) for k, regions in changed.items() if regions}
+        if event is not None:
+            self._newest[event.view] = event
         for s in self._steps:
-            regions = self._regions(s, found, event, settings)
+            shows = self._shown_by(s, event)
+            regions = self._regions(s, found, shows, settings)
             if regions:
-                self._apply(s, regions, event)
+                self._apply(s, regions, shows)
                 found[s.index] = regions
         return found
 
@@ -87,6 +93,12 @@ class Executor:
     def waits(self) -> bool:
         """Whether some node here will change by itself."""
         return any(each.waits for each in self.following)
+
+    def _shown_by(self, s: Step, event: Event | None) -> Event | None:
+        """The event whose moment a step shows: the newest of its own view, which others of the wall may not have."""
+        panel = self._followed[s.index]
+        view = None if panel is None or not s.common_time else self._view_of.get(panel)
+        return event if view is None or event is None or view == event.view else self._newest.get(view)
 
     def _regions(self, s: Step, found: Changes, event: Event | None, settings: Settings) -> Regions:
         prepared = self._prepared[s.index]
@@ -110,7 +122,7 @@ class Executor:
 
     def _shows_another_time(self, s: Step, event: Event | None) -> bool:
         """Whether all of a step must be recomputed: it shows another time, or was made of reprojected inputs."""
-        if not s.node.COMMON_TIME or self._reproject is None or event is None:
+        if not s.common_time or self._reproject is None or event is None:
             return False
         shown = self.framelets[s.index].event
         return s.index in self._reprojected or shown is None or not same_time(shown, event)
@@ -123,7 +135,7 @@ class Executor:
         if newest is not None:
             out.event = newest.event
             out.stamp(newest.refreshed_at)
-        if s.node.COMMON_TIME and self._reproject is not None and event is not None:
+        if s.common_time and self._reproject is not None and event is not None:
             moved = self._at_common_time(s, inputs, event)
             (self._reprojected.discard if moved == inputs else self._reprojected.add)(s.index)
             inputs, out.event = moved, event
@@ -137,12 +149,12 @@ class Executor:
             self.pixels += region.area
 
     def _at_common_time(self, s: Step, inputs: Sequence[Framelet], event: Event) -> list[Framelet]:
-        """Reproject inputs that show another time than `event`; those without an event stay."""
+        """Reproject inputs that show another time than `event`; those without an event, or without depth, stay."""
         assert self._reproject is not None
         panels = [self._followed[k] for k in s.inputs]
         return [
-            self._reproject(f, event, panel)
-            if f.event is not None and panel is not None and not same_time(f.event, event)
+            self._reproject(f, event, panel, s.apart)
+            if f.event is not None and f.depth is not None and panel is not None and not same_time(f.event, event)
             else f
             for f, panel in zip(inputs, panels, strict=True)
         ]

@@ -67,6 +67,12 @@ class Step:
     order: int
     panels: tuple[int, ...]  # viewports whose pixels it holds; a sink: panels that it shows whole
     users: tuple[int, ...] = ()  # indices of steps
+    apart: bool = False  # it lays images of one panel over each other that several processes make, each when it can
+
+    @property
+    def common_time(self) -> bool:
+        """Whether its inputs must show one moment."""
+        return self.node.COMMON_TIME or self.apart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -218,9 +218,11 @@ class Config(Model):
             if view.id in before:
                 came = f"views[{before.index(view.id)}] has this id already"
                 raise refusal(came, accepted="ids that differ", at=("views", k, "id"))
-            if view.camera.follow is not None and view.camera.follow not in before:
-                where = ("views", k, "camera", "follow")
-                raise refusal("is no view before this one", accepted=", ".join(before) or "none is", at=where)
+            for what in ("camera", "time", "selection"):
+                link = getattr(view, what)
+                if link is not None and link.follow is not None and link.follow not in before:
+                    where = ("views", k, what, "follow")
+                    raise refusal("is no view before this one", accepted=", ".join(before) or "none is", at=where)
             if view.camera.follow is not None and view.path is not None:
                 raise refusal("its camera follows another view's", accepted="no path", at=("views", k, "path"))
         for k, view in enumerate(self.views):
@@ -232,6 +234,13 @@ class Config(Model):
         if len(self.views) > 1 and self.graph.sync != "none":
             raise refusal("shows one view's frames", accepted="sync: none, or one view", at=("graph", "sync"))
         return self
+
+    def selection_of(self, view: int) -> int:
+        """The view whose selection a view has: the first, unless it has one of its own or follows another's."""
+        own = self.views[view].selection
+        if view == 0 or own is None:
+            return 0
+        return view if own.follow is None else self.selection_of([each.id for each in self.views].index(own.follow))
 
     def sampling_of(self, view: int) -> AnySampling:
         """The sampling that holds for a view: its own, or the top-level one."""

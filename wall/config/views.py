@@ -33,6 +33,7 @@ DEFAULT_FOV_DEGREES = 45.0
 ROUNDED = 1.0 + 1e-9  # shares that were worked out are not exact
 MOST_VIEWS = 64
 MOST_STOPS = 20.0  # of exposure: a million times as bright
+MOST_OFFSET_S = 1e6  # of a view's time
 
 ReconstructionWish = Literal["auto", "cpu", "gpu"]
 
@@ -129,6 +130,42 @@ CameraOrAuto = Annotated[
 ]
 
 
+class TimeConfig(Model):
+    """Which moment of the scene a view shows: that of another view, shifted, or one of its own."""
+
+    follow: Name | None = Field(
+        default=None, description="id of a view before this one, whose time it has; absent = it has a time of its own"
+    )
+    offset_s: Annotated[Number, Ge(-MOST_OFFSET_S), Le(MOST_OFFSET_S)] = Field(
+        default=0.0, description="seconds that are added to it; never before the scene's beginning, 0"
+    )
+    paused: Flag = Field(default=False, description="whether a time of its own stands still at first")
+
+    @model_validator(mode="after")
+    def _one_owner(self) -> TimeConfig:
+        if self.follow is not None and self.paused:
+            raise refusal("its time follows another view's", accepted="no paused", at=("paused",))
+        return self
+
+
+class SelectionConfig(Model):
+    """Which object is selected in a view: that of another view, or one of its own."""
+
+    follow: Name | None = Field(
+        default=None, description="id of a view before this one, whose selection it has; absent = one of its own"
+    )
+
+
+def _own(value: Any) -> Any:
+    return {} if value == "own" else value
+
+
+TimeOrOwn = Annotated[TimeConfig, BeforeValidator(_own, json_schema_input_type=Literal["own"] | TimeConfig)]
+SelectionOrOwn = Annotated[
+    SelectionConfig, BeforeValidator(_own, json_schema_input_type=Literal["own"] | SelectionConfig)
+]
+
+
 class LensConfig(Model):
     """A thin lens: what is not in focus is blurred. On paths alone."""
 
@@ -187,6 +224,12 @@ class ViewConfig(Model):
         default=None, description="a tracker tells where the viewer's eye is; absent = it stays at `eye`"
     )
     path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
+    time: TimeOrOwn | None = Field(
+        default=None, description="which moment of the scene it shows, or own; absent = that of the first view"
+    )
+    selection: SelectionOrOwn | None = Field(
+        default=None, description="which object is selected in it, or own; absent = that of the first view"
+    )
     refresh_hz: RefreshRate = Field(default=60.0, description="images shown a second")
     prediction: Literal["velocity", "none"] = Field(
         default="velocity",

@@ -47,9 +47,11 @@ class PanelSamples:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HandlesPlace:
-    """Where one viewport shows the object that is selected."""
+    """Where one viewport shows the object that is selected in its view, and the parameter that moves it."""
 
     view: int
+    parameter: str
+    value: tuple[float, float, float]  # under the event that is shown
     rect: tuple[int, int, int, int]  # x, y, width, height of the viewport on the virtual screen
     wall_from_object: tuple[float, ...]  # (12,) rows w, x w, y w of 3x4: from world units away from the object's middle
     # to virtual screen pixels x, y, up to a factor; w > 0 before the eye
@@ -57,11 +59,9 @@ class HandlesPlace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handles:
-    """Where the object that is selected stands on the wall, and the parameter that moves it."""
+    """Where objects that are selected stand on the wall."""
 
-    parameter: str
-    value: tuple[float, float, float]  # under the event that is shown
-    places: tuple[HandlesPlace, ...]  # of every viewport, the nearest last
+    places: tuple[HandlesPlace, ...]  # of every viewport in whose view one is, the nearest last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class WallImage:
     scene_time: float = 0.0  # of that event, seconds
     compared: tuple[PanelImage, ...] = ()  # second images of the panels, while two samplers are compared
     statistics_images: tuple[StatisticsImage, ...] = ()  # while a viewer shows them; the same object until they change
-    handles: Handles | None = None  # of the object that is selected; the same object until they change
+    handles: Handles | None = None  # of what is selected; the same object until they change
     samples: tuple[PanelSamples, ...] = ()  # of every panel that has some, while a sink wants them; else it is left out
 
 
@@ -152,6 +152,8 @@ class Status:
     error: float = 0.0  # estimate of its RMS error, display codes of 8 bits; 0: not known
     parameters: tuple[ParameterState, ...] = ()  # that can be changed
     view_samplers: tuple[str, ...] = ()  # of every view
+    view_paused: tuple[bool, ...] = ()  # of every view: whether its time stands still
+    selected: tuple[str, ...] = ()  # of every view: the object that is, "" none; (): none is anywhere
     bookmarks: tuple[int, ...] = ()  # of cameras, that can be recalled
     notes: tuple[str, ...] = ()  # of ranks and of the run, the newest last
     totals: tuple[RankTotals, ...] = ()  # of every rank

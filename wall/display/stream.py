@@ -135,7 +135,7 @@ def statistics_message(statistics_image: StatisticsImage, overlay: str) -> bytes
 
 
 def handles_message(handles: Handles | None) -> str:
-    """Where the object that is selected stands; no places: none is."""
+    """Where objects that are selected stand; no places: none is."""
     return json.dumps({"kind": "handles", "places": []} | ({} if handles is None else asdict(handles)), allow_nan=False)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import glfw
 
 from wall.display.window_layout import TURNS, Place
-from wall.geometry.steering import MAX_DRAG, MAX_SEEK_S, MAX_ZOOM, OF_ONE_VIEW
+from wall.geometry.steering import MAX_DRAG, MAX_SEEK_S, MAX_ZOOM, OF_ONE_TIME, OF_ONE_VIEW
 
 TAP = 0.04  # wall heights of one key press, and of each repeat while it is held
 KEY_ZOOM = 1.12
@@ -47,6 +47,11 @@ class Views:
         seen = sorted(place.view for own in places for place in own)
         if seen and self.steered not in seen:
             self.steered = seen[0]
+
+    @property
+    def several(self) -> bool:
+        """Whether the wall has more than one."""
+        return self._count > 1
 
     def next(self) -> None:
         """Steer the next one."""
@@ -103,7 +108,8 @@ class InputHandler:
         self._sums, self._zoom = {"orbit": [0.0, 0.0], "pan": [0.0, 0.0]}, 1.0
         self._stops, self._seek, self._once = 0.0, 0.0, []
         view = self._views.steered
-        self._done += [c | {"view": view} if view and c["kind"] in OF_ONE_VIEW else c for c in asked]
+        named = (*(OF_ONE_VIEW if view else ()), *(OF_ONE_TIME if self._views.several else ()))
+        self._done += [c | {"view": view} if c["kind"] in named else c for c in asked]
 
     def _take(self) -> None:
         """Steer the view beneath the pointer; a drag stays with the one where it began."""

@@ -70,6 +70,29 @@ class View:
     eye_separation: float  # metres from the left eye to the right one
     scale: float  # world units a metre of the wall
     leader: View | None = None  # whose camera it has
+    clock: View | None = None  # whose time it has, shifted; None: it has a time of its own
+    offset_s: float = 0.0  # that are added to that time, or at which its own begins
+    runs: bool = True  # whether its own time goes on at first
+
+    def time_after(self, seconds: float) -> float:
+        """The scene time that it shows so long after a run began whose time nobody steers."""
+        since = seconds * self.runs if self.clock is None else self.clock.time_after(seconds)
+        return max(0.0, since + self.offset_s)
+
+    @property
+    def timing(self) -> tuple[str, float]:
+        """The view whose time it has, and by how many seconds that is shifted: the same for views of one time."""
+        if self.clock is None:
+            return self.id, 0.0
+        whose, shift = self.clock.timing
+        return whose, shift + self.offset_s
+
+    def camera_after(self, seconds: float) -> Camera:
+        """The camera then: where it follows another view's, that is where that view's time has it."""
+        steered = self
+        while steered.leader is not None:
+            steered = steered.leader
+        return steered.camera_at(steered.time_after(seconds))
 
     def camera_at(self, time: float) -> Camera:
         """The camera at a scene time (seconds). Pure: the same time gives the same camera.
@@ -189,7 +212,11 @@ def resolve_view(
     ConfigError : a wall that is not flat has no eye, an eye is behind a panel, or a camera of that name is not there
     """
     config = loaded.config.views[view]
-    leader = None if config.camera.follow is None or leaders is None else leaders[config.camera.follow]
+    leaders = leaders or {}
+    leader = None if config.camera.follow is None else leaders.get(config.camera.follow)
+    clock, time = next(iter(leaders.values()), None), config.time
+    if time is not None:
+        clock = None if time.follow is None else leaders.get(time.follow)
     named = None if config.camera.name is None else _named(loaded, view, config.camera.name, cameras)
     eye = standing_eye(loaded, wall, view, *(() if named is None else (named.fov,)))
     up = _unit(np.array(config.camera.up, dtype=np.float64), otherwise=(0.0, 1.0, 0.0))
@@ -223,9 +250,12 @@ def resolve_view(
         eye_separation=config.eye_separation,
         scale=1.0 if config.scale is None else config.scale,
         leader=leader,
+        clock=clock,
+        offset_s=0.0 if time is None else time.offset_s,
+        runs=time is None or not time.paused,
     )
     if config.scale is None:
-        return replace(made, scale=_scale(window, eye, made.camera_at(0.0), made.target_at(0.0)))
+        return replace(made, scale=_scale(window, eye, made.camera_after(0.0), made.target_at(made.time_after(0.0))))
     return made
 
 

@@ -30,7 +30,9 @@ MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one anim
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 LONGEST_NAME, MOST_NUMBERS, LARGEST = 255, 16, 1e300  # of a parameter, of its value, of each
 BOOKMARKS = tuple("123456789")
-OF_ONE_VIEW = ("orbit", "pan", "zoom", "reset", "sampler")  # kinds that may name a view by its index
+OF_ONE_VIEW = ("orbit", "pan", "zoom", "reset", "sampler")  # kinds that may name a view by its index, else the first
+OF_ONE_TIME = ("pause", "seek")  # likewise, else every view
+EVERY_VIEW = -1
 NUMBERS: dict[str, tuple[str, ...]] = {
     "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",), "seek": ("x",),
     "focus": ("x", "y"), "select": ("x", "y"),
@@ -54,10 +56,10 @@ class Command:
     "" ends that. statistics: "on" has compositors look at their samples, "" ends that. set: the parameter `value` is to
     be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
-    from its top left, is to be in focus. seek: x seconds are added to the scene's time and to that of camera paths.
+    from its top left, is to be in focus. seek: x seconds are added to the time of the scene and of camera paths.
     select: pages are to show the parameters of the object at (x, y). undo: the newest edit is taken back.
-    bookmark: the cameras of all views are kept as `value`; recall: they go back there. Kinds of OF_ONE_VIEW are for
-    `view` alone.
+    bookmark: the cameras of all views are kept as `value`; recall: they go back there. Kinds of OF_ONE_VIEW and
+    OF_ONE_TIME are for `view` alone, or for the view whose camera or time it has.
     """
 
     kind: Kind
@@ -65,7 +67,7 @@ class Command:
     y: float = 0.0
     value: str = ""
     numbers: tuple[float, ...] | None = None
-    view: int = 0  # whom a kind of OF_ONE_VIEW is for; the others are for every view
+    view: int = 0  # whom a kind of OF_ONE_VIEW or OF_ONE_TIME is for; the others are for every view
 
 
 def parse(message: object) -> Command:
@@ -79,11 +81,13 @@ def parse(message: object) -> Command:
     if kind == "set":
         return _set_command(message)
     wanted, view = NUMBERS.get(kind, ("value",) if kind in VALUES else ()), message.get("view", 0)
-    if type(view) is not int or not 0 <= view < MOST_VIEWS:
+    if kind in OF_ONE_TIME and "view" not in message:
+        view = EVERY_VIEW
+    elif type(view) is not int or not 0 <= view < MOST_VIEWS:
         raise RemoteProtocolError(f"command {kind}: view = {_short(view)}: want a number from 0 to {MOST_VIEWS - 1}")
-    if kind == "pause" and message.keys() == {"kind", "paused"}:
-        return _pause_command(message["paused"])
-    if set(message) - {"kind", *(["view"] if kind in OF_ONE_VIEW else [])} != set(wanted):
+    if kind == "pause" and message.keys() - {"view"} == {"kind", "paused"}:
+        return _pause_command(message["paused"], view)
+    if set(message) - {"kind", *(["view"] if kind in OF_ONE_VIEW + OF_ONE_TIME else [])} != set(wanted):
         got = ", ".join(sorted(_short(key) for key in message if key != "kind")) or "nothing"
         raise RemoteProtocolError(f"command {kind} came with {got}: want {', '.join(wanted) or 'nothing'}")
     if kind in VALUES and message["value"] not in VALUES[kind]:
@@ -105,10 +109,10 @@ def _set_command(message: Mapping[Any, Any]) -> Command:
     return Command(kind="set", value=str(name), numbers=values)
 
 
-def _pause_command(paused: Any) -> Command:
+def _pause_command(paused: Any, view: int) -> Command:
     if not isinstance(paused, bool):
         raise RemoteProtocolError(f"command pause: paused = {_short(paused)}: want true or false, or nothing")
-    return Command(kind="pause", value="on" if paused else "off")
+    return Command(kind="pause", value="on" if paused else "off", view=view)
 
 
 def _number(kind: str, name: str, number: Any) -> float:

@@ -168,7 +168,7 @@ class Statistics:
 class Selection:
     """To the head's compositor: what pages share beside the scene. Absolute: the newest replaces all before it."""
 
-    name: str = ""  # of the object whose parameters they show, "" none
+    names: list[str] = field(default_factory=list)  # by view: of the object that is selected, "" none; []: none is
     bookmarks: list[int] = field(default_factory=list)  # of cameras, that can be recalled
 
 

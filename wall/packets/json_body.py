@@ -82,5 +82,6 @@ _FITS: dict[str, Callable[[Any], bool]] = {
     "list[dict[str, Any]]": _is_list_of(lambda value: isinstance(value, dict)),
     "list[float]": _is_list_of(_is_float, MAX_ANSWERS),
     "list[int]": _is_list_of(_is_int),
+    "list[str]": _is_list_of(_is_text),
     "tuple[Hello, ...]": lambda value: isinstance(value, tuple),
 }

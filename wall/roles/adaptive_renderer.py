@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
-import numpy as np
-
 from wall.config.sampling import AdaptiveSampling
 from wall.core.clock import Clock
 from wall.core.data import Event, Rect, Region, Samples
@@ -153,12 +151,8 @@ class AdaptiveRenderer:
 
     @property
     def demand(self) -> float:
-        """How many samples its pixels want, up to a factor: the square root of each tile's mean score, times its area.
-
-        A sample's expected error reduction falls with the square of their number; the least error is where it is even.
-        """
-        rects, sums, _, order = self.sampler.current.division.tiles
-        return float(np.sqrt(sums[order].clip(0.0) * rects[order, 2] * rects[order, 3]).sum())
+        """How many samples its pixels want, up to a factor; see AdaptiveSampler.demand."""
+        return self.sampler.current.demand
 
     def measure(self) -> Measured:
         """What is known of the band's tiles since the last refresh."""

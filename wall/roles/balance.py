@@ -20,8 +20,8 @@ from wall.roles.plan import Layout
 
 PERIOD_S = 1.0  # between two moves: a renderer needs half of it to measure its new strip
 LONGEST_S = 60.0  # likewise: each move after which strips are not more even than before it doubles the wait
-EVEN = 0.87  # mean cost by the largest: above, moving gains less than the samplers' starting anew costs
-NEWEST_SHARE = 0.5  # of the newest cost in what is believed, as powers: demands of the adaptive sampler fluctuate
+EVEN = 0.9  # mean cost by the largest: above, moving gains less than the samplers' starting anew costs
+NEWEST_SHARE = 0.35  # of the newest cost in what is believed, as powers: demands of the adaptive sampler fluctuate
 LEAST_SHARE = 1e-3  # of the mean cost that a row counts as, so that a strip without cost gets rows
 
 
@@ -65,7 +65,7 @@ class Balancer:
             rows *= (cost / rows.sum()) ** (NEWEST_SHARE if self._measured else 1.0)
         self._measured = True
         np.maximum(self._rows, LEAST_SHARE * self._rows.mean(), out=self._rows)
-        costs = [sum(cost for _, _, cost in regions) for regions in measured]
+        costs = [self._rows[regions[0][0] : regions[-1][1]].sum() for regions in measured]
         evenness, before = sum(costs) / len(costs) / max(costs), self._evenness
         cuts = self._even_cuts()
         if evenness >= EVEN or list(cuts) == self.assignment.cuts:

@@ -42,9 +42,22 @@ class Clicks:
 
     def object_at(self, events: Sequence[Event], x: float, y: float) -> str:
         """The name of the object that is shown; "" for the sky. events : the newest of every view."""
+        return self._object_at(events, x, y)[1]
+
+    def select(self, names: Sequence[str], events: Sequence[Event], x: float, y: float) -> list[str]:
+        """What is selected in each view once what is at a place is, in the view that shows it and those linked to it.
+
+        names : what was, by view; [] nothing. events : the newest of every view.
+        """
+        (view, name), config = self._object_at(events, x, y), self._plan.layout.config
+        linked = [config.selection_of(k) == config.selection_of(view) for k in range(len(config.views))]
+        before = names or [""] * len(linked)
+        return [name if new else old for new, old in zip(linked, before, strict=True)]
+
+    def _object_at(self, events: Sequence[Event], x: float, y: float) -> tuple[int, str]:
         viewport, column, row = self._place(x, y)
         _, instance, _ = self._hit(viewport, events[viewport.view], column, row)
-        return self._plan.scene.instances[instance].name if instance >= 0 else ""
+        return viewport.view, self._plan.scene.instances[instance].name if instance >= 0 else ""
 
     def _place(self, x: float, y: float) -> tuple[Panel, float, float]:
         """The nearest viewport at a place, and the place in virtual-screen pixels."""

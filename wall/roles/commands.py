@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from wall.core.errors import EditError, RemoteProtocolError
-from wall.geometry.steering import OF_ONE_VIEW, Command, parse
+from wall.geometry.steering import EVERY_VIEW, OF_ONE_TIME, OF_ONE_VIEW, Command, parse
 from wall.packets.control import Selection
 from wall.roles.director import Director
 from wall.roles.editing import Editor
@@ -27,7 +27,8 @@ class Commands:
         if editor.apply(command, events, now):
             return True
         if command.kind == "select":
-            self.selection = replace(self.selection, name=editor.clicks.object_at(events, command.x, command.y))
+            names = editor.clicks.select(self.selection.names, events, command.x, command.y)
+            self.selection = replace(self.selection, names=names)
             return False
         self.waiting.append(command)
         if command.kind == "bookmark":
@@ -59,7 +60,7 @@ class Commands:
     def _check(self, command: Command, plan: Plan, directors: Sequence[Director]) -> None:
         if command.kind == "statistics":
             raise EditError("command statistics: want `overlay` of a page, which asks for them")
-        if command.kind in OF_ONE_VIEW and command.view >= len(directors):
+        if command.view >= len(directors):
             raise EditError(f"command {command.kind}: view = {command.view}: want one of {_views(directors)}")
         if command.kind == "sampler" and command.value not in (known := samplers_of(plan)):
             raise EditError(f"command sampler: this wall has no {command.value}: want one of {', '.join(known)}")
@@ -68,6 +69,29 @@ class Commands:
             raise EditError(f"command recall: no camera was kept as {command.value}: want {want}")
         if command.kind == "compare" and command.value and not directors[0].compares:
             raise EditError("command compare: this wall has several views, or no second image: want one view, unlocked")
+
+
+def commands_of(
+    director: Director, commands: Sequence[Command], directors: Sequence[Director]
+) -> list[Command]:
+    """Those that a view takes; all views before it have taken theirs."""
+    own = [command for command in commands if _meant(command, directors) in (EVERY_VIEW, director.view)]
+    first = directors[0]
+    if director is first:
+        return own
+    alike = "on" if first.paused else "off"  # what turns every time on or off has them agree
+    return [replace(c, value=alike) if c.kind == "pause" and c.view == EVERY_VIEW and not c.value else c for c in own]
+
+
+def _meant(command: Command, directors: Sequence[Director]) -> int:
+    """The view that a command is for: the one whose camera, or whose time, that of the view is that it names."""
+    if command.view not in range(len(directors)):
+        return command.view
+    if command.kind in OF_ONE_TIME:
+        return directors[command.view].timed
+    if command.kind in OF_ONE_VIEW:
+        return command.view if command.kind == "sampler" else directors[command.view].steered
+    return EVERY_VIEW
 
 
 def _with_index(asked: object, names: Sequence[str]) -> object:

@@ -80,8 +80,8 @@ class Compositor:
         self._ending: WindowInput | None = None  # the newest by which a user ends the run at this rank's windows
         self._parameters = shown_parameters(plan) if hello.rank == HEAD else {}
         self._states: tuple[tuple[float, Edits, Tone], tuple[ParameterState, ...]] | None = None
-        self._handles: HandlesMaker | None = None  # of the object that is selected
-        self._bookmarks: tuple[int, ...] = ()
+        self._handles: HandlesMaker | None = None  # of what is selected
+        self._selection = Selection()
         self._notes: deque[tuple[float, str]] = deque(maxlen=SHOWN_NOTES)  # when they came
         self._shown: dict[int, Event] = {}  # by view: the event of its newest image
         self._status: Status = AWAY_FROM_HEAD
@@ -143,9 +143,9 @@ class Compositor:
         elif isinstance(message, Heartbeat):
             self._beats[message.rank] = message
         elif isinstance(message, Selection):
-            self._parameters, self._states = shown_parameters(self._plan, message.name), None
-            self._handles = HandlesMaker(self._plan, message.name) if message.name else None
-            self._bookmarks = tuple(message.bookmarks)
+            self._parameters, self._states = shown_parameters(self._plan, message.names), None
+            self._handles = HandlesMaker(self._plan, message.names) if any(message.names) else None
+            self._selection, self._status_due = message, now
         elif isinstance(message, Note):
             self._notes.append((now, message.said.strip()))
             self._status_due = now
@@ -250,8 +250,8 @@ class Compositor:
         status = status_of(
             self._plan, event, self._beats, self.standing.members, self.latency,
             now=now, seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
-            parameters=self._states_under(event), bookmarks=self._bookmarks, gone=self._gone,
-            view_samplers=tuple("" if view.event is None else view.event.sampler for view in self._views),
+            parameters=self._states_under(event), selection=self._selection, gone=self._gone,
+            views=[view.event for view in self._views],
         )  # fmt: skip
         ranks = range(self._plan.layout.size)
         totals = tuple(totals_of(self._beats.get(k), self._known.get(k), now) for k in ranks)

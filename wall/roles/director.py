@@ -6,7 +6,7 @@ Rendering on Multi-Core Processor Systems").
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from wall.core.data import NO_EDITS, Camera, Edits, Event
@@ -24,18 +24,19 @@ class Director:
     """What the viewer sees: the camera path or the steered camera, the animation's time, the sampler."""
 
     def __init__(
-        self, plan: Plan, now: float, view: int = 0, leader: Director | None = None, before: Director | None = None
+        self, plan: Plan, now: float, view: int = 0, others: Sequence[Director] = (), before: Director | None = None
     ) -> None:
-        """`leader`: of the view whose camera this one has, updated first.
+        """`others`: of all views before this one, updated first: it may have the camera or the time of one of them.
 
         `before`: this view of the configuration before, or, where that had none, its first.
         """
         self._plan, self._view, self.view = plan, plan.views[view], view
-        self._leader = leader
+        links = self._view.leader, self._view.clock
+        self._leader, self._clock = (None if each is None else others[plan.views.index(each)] for each in links)
         self._steering: Steering | None = None
         self._bookmarks: dict[str, Steering] = {}
-        self._scene_time, self._path_time, self._last = 0.0, 0.0, now
-        self.paused = False
+        self._own_time, self._last = self._view.time_after(0.0), now  # the first of those that have no other's
+        self._paused = not self._view.runs
         self.sampler: str = plan.layout.sampling_of(view).method
         self.compare = ""  # with the adaptive sampler, whichever `sampler` is
         self.statistics = False
@@ -46,9 +47,11 @@ class Director:
 
     def _go_on_from(self, before: Director) -> None:
         """Time goes on; the camera stays steered, and the sampler chosen, where their configurations are the same."""
-        self._scene_time, self._path_time, self._last = before._scene_time, before._path_time, before._last
-        self.paused, self.statistics = before.paused, before.statistics
+        self._last, self.statistics = before._last, before.statistics
         old, new = before._view, self._view
+        alike = (old.clock is None, old.offset_s, old.runs) == (new.clock is None, new.offset_s, new.runs)
+        if alike or self.view == 0:
+            self._own_time, self._paused = before.time, before.paused
         if (old.still, old.path) == (new.still, new.path):
             self._steering = before._steering
         if before.tracker.key == self.tracker.key:
@@ -56,7 +59,7 @@ class Director:
         configured = before._plan.layout.sampling_of(before.view).method
         if configured == self.sampler and before.sampler in samplers_of(self._plan):
             self.sampler = before.sampler
-        self.event = replace(self.event, camera=self.wall_camera(), scene_time=self._scene_time, paused=self.paused)
+        self.event = replace(self.event, camera=self.wall_camera(), scene_time=self.time, paused=self.paused)
 
     def update(
         self, commands: list[Command], now: float, edits: Edits = NO_EDITS, picture: Mapping[str, Numbers] = NO_PICTURE
@@ -66,14 +69,13 @@ class Director:
         `picture`: edits of exposure and tone mapping. They make a new event of the same number, and so do others that
         are not of the scene.
         """
-        if not self.paused:
-            self._scene_time += now - self._last
-            self._path_time += now - self._last
+        if not self._paused:
+            self._own_time += now - self._last
         self._last = now
         for command in commands:
             self._apply(command)
         camera = self.wall_camera().tracked(self.tracker.eye(now), self._view.scale)
-        scene_time = self._scene_time if self._plan.scene.animated else 0.0
+        scene_time = self.time if self._plan.scene.animated else 0.0
         old = self.event
         sampler = COMPARED_WITH if self.compare else self.sampler
         turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
@@ -101,9 +103,13 @@ class Director:
         )
         return True
 
+    def pause(self) -> None:
+        """Begin paused."""
+        self._paused = True
+
     def hold(self) -> bool:
         """Stop everything where it is. Returns whether that is news: then the event says that it is paused."""
-        was, self.paused = self.event.paused, True
+        was, self._paused = self.event.paused, True
         self.event = replace(self.event, paused=True)
         return not was
 
@@ -118,6 +124,21 @@ class Director:
         return self.view if self._leader is None else self._leader.steered
 
     @property
+    def timed(self) -> int:
+        """The view whose time that of this one is: its own, or the one that it follows."""
+        return self.view if self._clock is None else self._clock.timed
+
+    @property
+    def time(self) -> float:
+        """Of the scene, seconds."""
+        return self._own_time if self._clock is None else max(0.0, self._clock.time + self._view.offset_s)
+
+    @property
+    def paused(self) -> bool:
+        """Whether its time stands still."""
+        return self._paused if self._clock is None else self._clock.paused
+
+    @property
     def compares(self) -> bool:
         """Whether two samplers can be compared: other graphs have no second image, or no frames of it."""
         graph = self._plan.layout.graph
@@ -127,18 +148,17 @@ class Director:
         """The camera of an eye that is not tracked."""
         if self._leader is not None:
             return self._leader.wall_camera()
-        return self._steering.camera() if self._steering else self._view.camera_at(self._path_time)
+        return self._steering.camera() if self._steering else self._view.camera_at(self.time)
 
     def _apply(self, command: Command) -> None:
         if command.kind == "pause":
-            self.paused = command.value == "on" if command.value else not self.paused
+            self._paused = command.value == "on" if command.value else not self._paused
         elif command.kind == "seek":  # not before the beginning
-            self._scene_time = max(0.0, self._scene_time + command.x)
-            self._path_time = max(0.0, self._path_time + command.x)
+            self._own_time = max(0.0, self._own_time + command.x)
         elif command.kind == "reset":
             self._steering = None
         elif command.kind == "bookmark":
-            self._bookmarks[command.value] = self._steering or Steering.from_view(self._view, self._path_time)
+            self._bookmarks[command.value] = self._steering or Steering.from_view(self._view, self.time)
         elif command.kind == "recall":
             self._steering = self._bookmarks.get(command.value, self._steering)
         elif command.kind == "sampler":
@@ -149,5 +169,5 @@ class Director:
         elif command.kind == "statistics":
             self.statistics = command.value == "on"
         else:
-            steering = self._steering or Steering.from_view(self._view, self._path_time)
+            steering = self._steering or Steering.from_view(self._view, self.time)
             self._steering = steering.apply(command)

@@ -212,10 +212,10 @@ def editable(plan: Plan) -> dict[str, Parameter]:
     return {name: parameter for name, parameter in found.items() if len(name.encode()) <= MAX_NAME_BYTES}
 
 
-def shown_parameters(plan: Plan, selected: str = "") -> dict[str, Parameter]:
-    """Those that pages show: of objects, of which there may be thousands, the `selected` one's alone, and first."""
+def shown_parameters(plan: Plan, selected: Sequence[str] = ()) -> dict[str, Parameter]:
+    """Those that pages show: of objects, of which there may be thousands, the `selected` ones' alone, and first."""
     found = editable(plan)
-    own = (f"{OBJECTS}{selected}.{what}" for what in (OFFSET, ROTATION, VISIBLE))
+    own = (f"{OBJECTS}{name}.{what}" for name in dict.fromkeys(selected) for what in (OFFSET, ROTATION, VISIBLE))
     others = {name: parameter for name, parameter in found.items() if not name.startswith(OBJECTS)}
     return {name: found[name] for name in own if name in found} | others
 

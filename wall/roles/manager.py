@@ -16,12 +16,12 @@ from functools import partial
 from wall.core.data import Event
 from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
-from wall.geometry.steering import OF_ONE_VIEW, Command, parse
+from wall.geometry.steering import parse
 from wall.packets.control import EditRequest, Heartbeat, Hello, Prepared, Statistics, Stop, WindowInput
 from wall.packets.joining import JoinRequest, Leave
 from wall.packets.notes import REFUSED, Note, note_of
 from wall.roles.balance import Balancer
-from wall.roles.commands import Commands
+from wall.roles.commands import Commands, commands_of
 from wall.roles.director import Director
 from wall.roles.edges import summed_number
 from wall.roles.editing import Editor
@@ -96,7 +96,7 @@ class Manager:
         self._take(plan, now)
         if still:
             for director in self._directors:
-                director.paused = True
+                director.pause()
 
     def _take(self, plan: Plan, now: float) -> None:
         """Be the manager of this plan."""
@@ -105,8 +105,7 @@ class Manager:
         before, first = {director.name: director for director in self._directors}, next(iter(self._directors), None)
         self._directors = []
         for number, view in enumerate(plan.views):
-            leader = None if view.leader is None else self._directors[plan.views.index(view.leader)]
-            self._directors.append(Director(plan, now, number, leader, before.get(view.id, first)))
+            self._directors.append(Director(plan, now, number, self._directors, before.get(view.id, first)))
         self._window_ranks = window_ranks(plan.layout)
         if plan.layout.strips is not None:
             self.balancer = Balancer(self._layout, now)
@@ -177,7 +176,7 @@ class Manager:
             elif isinstance(message, EditRequest) and self._reloading.takes(message, self.editor):
                 yield from self._reloading.load(message, self.editor, now)
             elif isinstance(message, Changed):
-                yield from self._reloading.ask(Asked(text=message.text, path=message.path), now)
+                yield from self._reloading.save(Asked(text=message.text, path=message.path), now)
             elif isinstance(message, PlanMade):
                 yield from self._reloading.made(message, now)
             elif isinstance(message, Prepared):
@@ -278,11 +277,6 @@ class Manager:
         if self._phase is Phase.RUNNING and self._came and now < self._input_due:
             self.due = min(self.due, self._input_due)
 
-    def _meant(self, command: Command) -> int:
-        """The view that a command of OF_ONE_VIEW is for; a camera's verbs go to the one whose camera it is."""
-        known = command.view < len(self._directors)
-        return self._directors[command.view].steered if known and command.kind != "sampler" else command.view
-
     def _publish(self, now: float) -> Iterator[Instruction]:
         """Tell everyone of new events, or of the newest again: a sign of life, and one may have been lost."""
         self._release()
@@ -296,7 +290,7 @@ class Manager:
         editor, before = self.editor, self._shown_event.scene_event
         for director in self._directors:
             if wanted:
-                own = [c for c in commands if c.kind not in OF_ONE_VIEW or self._meant(c) == director.view]
+                own = commands_of(director, commands, self._directors)
                 news = director.update(own, now, editor.edits, editor.picture)
             else:
                 news = not running and director.hold()

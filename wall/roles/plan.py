@@ -122,8 +122,7 @@ class Layout:
 
     def _describe_region(self, region: Region) -> str:
         rect = region.rect
-        place = f"{self.panel(region).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}"
-        return place + self.layer(region).objects
+        return f"{self.panel(region).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}{self.layer(region).objects}"
 
     def _describe_compositor(self, rank: int) -> str:
         panels = dict.fromkeys(self.wall.viewports[layer.panel].id for layer in self.graph.layers_on(rank))
@@ -367,15 +366,16 @@ def make_predictor(plan: Plan, view: int) -> Predictor:
 
 
 def first_event(plan: Plan, now: float, view: int = 0) -> Event:
-    """What every run begins with: a view at time 0."""
-    tone = tone_at(plan, 0.0, view=view)
+    """What every run begins with: a view at its first moment."""
+    time = plan.views[view].time_after(0.0) if plan.scene.animated else 0.0
+    tone = tone_at(plan, time, view=view)
     return Event(
         view=view,
         camera_event=plan.since,
         scene_event=0,
-        scene_time=0.0,
+        scene_time=time,
         input_time=now,
-        camera=plan.views[view].camera_at(0.0),
+        camera=plan.views[view].camera_after(0.0),
         sampler=plan.layout.sampling_of(view).method,
         exposure=tone.stops,
         tone_mapping=tone.mapping,

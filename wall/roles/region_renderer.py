@@ -20,6 +20,7 @@ from wall.sampling.tiles import Measured
 LOOK_AGAIN_S = 0.05  # a resting worker looks this often whether something is missing: samples grow old
 CREDIT_POLL_S = 0.002  # how often a renderer without credit looks for some
 COST_S = 0.5  # a cost is of batches of so long
+NEWEST_COST = 0.25  # share of the newest in the mean of costs, once there are so many
 LEAST_S = 1e-6  # that a batch counts as, however short it was
 PROGRESSIVE = "progressive"  # the sampler whose stages depend on how long paths get
 
@@ -57,7 +58,7 @@ class RegionRenderer:
         images_hz = plan.layout.layer(region).samples_hz
         self._most_per_s = math.inf if images_hz is None else images_hz * region.rect.area  # samples
         self._waits_until = -math.inf  # since it has traced as many as it may
-        self.cost = 0.0  # of a sweep, see Balancer; 0: not measured yet
+        self.cost, self._costs = 0.0, 0  # of a sweep, see Balancer, 0: not measured yet; how often it was measured
 
     def place(self, number: int, first: int) -> int:
         """Be region `number` of the rank, with workers from `first` on. Only while they are idle.
@@ -196,7 +197,8 @@ class RegionRenderer:
             batches, spent, demand = self._measured
             newest = demand / batches * spent / (samples - self._samples_then)
             if self._samples_then >= 0:
-                self.cost = 0.5 * (self.cost + newest) if self.cost else newest
+                self._costs += 1
+                self.cost += (newest - self.cost) * max(1.0 / self._costs, NEWEST_COST)
             self._measured, self._samples_then, self._cost_due = (0, 0.0, 0.0), samples, now + COST_S
 
     def note_refreshes(self) -> None:

@@ -76,6 +76,7 @@ class Reloading:
         self.said = ""  # what came of the last one, in words
         self._former = deque[Loaded](maxlen=MOST_UNDONE)  # what ran before, the newest last
         self._answered: list[Send] = []  # what who asked last was told
+        self._saved: Asked | None = None  # the newest text of the run's file, saved while another was under way
 
     @property
     def adopting(self) -> bool:
@@ -108,6 +109,13 @@ class Reloading:
         self._stage, self._limit = Stage.PLANNING, now + PREPARE_S
         self._number += 1
         yield Make(self._message())
+
+    def save(self, asked: Asked, now: float) -> Iterator[Instruction]:
+        """The run's file has another text: load it, after what is under way. Raises EditError."""
+        if self.busy:
+            self._saved = asked
+        else:
+            yield from self.ask(asked, now)
 
     def takes(self, request: EditRequest, editor: Editor) -> bool:
         """Whether a request wants another configuration; to undo does where no parameter was edited since the last."""
@@ -175,6 +183,9 @@ class Reloading:
 
     def on_tick(self, now: float, since: int, lost: Container[int]) -> Iterator[Instruction]:
         """Say again what is not answered; let all adopt what all have prepared. `since`: see Adopt."""
+        if self._saved is not None and not self.busy:
+            saved, self._saved = self._saved, None
+            yield from self.ask(saved, now)
         if self._stage in (Stage.PLANNING, Stage.PREPARING) and now >= self._limit:
             who = "the head" if self._stage is Stage.PLANNING else f"rank {min(self._missing)}"
             yield from self._refuse(f"{who} has not prepared it within {PREPARE_S:g} s")

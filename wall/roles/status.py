@@ -13,7 +13,7 @@ import numpy as np
 from wall.config.sampling import METHODS
 from wall.core.data import Event
 from wall.display.base import LATENCY_LIMITS_S, ParameterState, RankStatus, RankTotals, Status
-from wall.packets.control import Heartbeat, Hello, Statistics
+from wall.packets.control import Heartbeat, Hello, Selection, Statistics
 from wall.roles.plan import Layout, Plan
 from wall.roles.slowness import why_slow
 from wall.roles.stale import stale_places
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from wall.roles.manager import Manager
 
 LEAST_S = 1e-3  # that a rate is an average of
+NOTHING_SELECTED = Selection()
 RECENT_LATENCIES = 240  # shown in the viewer's plot
 UNSEEN_EVENTS = 4096  # remembered until a sample of them is shown
 MEASURED_LATENCIES = 65536  # kept for the summary
@@ -90,11 +91,11 @@ def status_of(
     refreshes_per_s: float,
     oldest: Mapping[int, float | None],
     parameters: tuple[ParameterState, ...] = (),
-    view_samplers: tuple[str, ...] = (),
-    bookmarks: tuple[int, ...] = (),
+    views: Sequence[Event | None] = (),
+    selection: Selection = NOTHING_SELECTED,
     gone: Collection[int] = (),
 ) -> Status:
-    """What sinks may show of the run.
+    """What sinks may show of the run; `views`: the newest event of each.
 
     `now`: seconds of the head's clock; `seconds`: since it began; `oldest`: age of the oldest sample shown, by layer;
     `gone`: ranks that were in the run, and are not heard of.
@@ -124,8 +125,10 @@ def status_of(
         samples_per_pixel=min((beat.samples_per_pixel for beat in renderers), default=0),
         error=math.sqrt(sum(beat.square_error for beat in renderers) / max(len(renderers), 1)),
         parameters=parameters,
-        view_samplers=view_samplers,
-        bookmarks=bookmarks,
+        view_samplers=tuple("" if each is None else each.sampler for each in views),
+        view_paused=tuple(each is not None and each.paused for each in views),
+        selected=tuple(selection.names),
+        bookmarks=tuple(selection.bookmarks),
         latency_counts=tuple(latency.counts),
         latency_sum_s=latency.sum_s,
     )

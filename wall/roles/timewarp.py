@@ -16,14 +16,15 @@ class Timewarp:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
 
-    def __call__(self, framelet: Framelet, event: Event, panel: int) -> Framelet:
+    def __call__(self, framelet: Framelet, event: Event, panel: int, fill: bool = False) -> Framelet:
         """A framelet of `panel` as it looks under `event`.
 
-        Pixels that show nothing of the old framelet have no colour, infinite depth, alpha 0. Positions
-        are exact to half a pixel, as pixels move whole; to one and a half where a crack closed.
+        Pixels that show nothing of the old framelet have no colour, infinite depth, alpha 0, or, with `fill`, show what
+        is farther of what stands beside them. Positions are exact to half a pixel, as pixels move whole; to one and a
+        half where a crack closed.
         """
         moved = Framelet.blank(framelet.rect, framelet.channels, encoded=framelet.encoded, order=framelet.order)
-        self._move(framelet, event, panel, moved, fill=False)
+        self._move(framelet, event, panel, moved, fill=fill)
         return moved
 
     def fill(self, framelet: Framelet, event: Event, panel: int, out: Framelet) -> None:

@@ -65,7 +65,7 @@ class ReplayedBatch:
     number: int
     worker: int
     event: Event  # that it was to be traced under
-    batch: Batch | None  # None: nothing was missing
+    batch: Batch | None  # None: nothing was missing, or nothing is to be shown yet
 
 
 def open_recording(folder: Path) -> Recorded:
@@ -169,7 +169,7 @@ class _Replay:
 
     def _compare(self, number: int, trace: Trace, result: bytes | Batch | None) -> None:
         if number == self._wanted:
-            batch = decode(result) if isinstance(result, bytes) else result
+            batch = (decode(result) if result else None) if isinstance(result, bytes) else result
             self.found = ReplayedBatch(number=number, worker=trace.worker, event=trace.event, batch=batch)
             raise _FoundError
         recorded, crc = self.events.batch()

@@ -20,6 +20,7 @@ from wall.sampling.kernels import adaptive as kernels
 from wall.sampling.tiles import Division, Grid, Measured
 
 FLOOR_MOVING, FLOOR_STILL = np.float32(3e-5), np.float32(1e-5)  # squared display units; see docs/lab/quality.md
+EVERY = 4  # pixels, across and down: one is looked at to know what all of them want
 PACKETS_A_STEP = 4  # of 64 rays, between two changes of the cut
 # pixels, edge of the square that a sample stands for: less than 1, since its neighbours are splatted to the same pixels
 FOOTPRINT_MOVING, FOOTPRINT_STILL = 0.5, 0.25
@@ -90,6 +91,16 @@ class AdaptiveSampler:
         """(h, w) expected error reduction of one more sample in each pixel, squared display units."""
         score: Float32 = self._scores.score
         return score
+
+    @property
+    def demand(self) -> float:
+        """How many samples its pixels want, up to a factor, however many they have: what to divide work by.
+
+        A sample's expected error reduction falls with the square of their number, and the least error is where it is
+        even. So a pixel wants as many as the root of what a second sample would reduce. Of one pixel in EVERY^2.
+        """
+        contrast = self._scores.contrast[::EVERY, ::EVERY]
+        return EVERY * EVERY * float(np.sqrt(0.5 * contrast + FLOOR_MOVING).sum())
 
     def forget(self, samples: Samples) -> None:
         """Score the pixels of these samples as holes until the next replan; the reconstruction forgets them too."""

@@ -18,7 +18,7 @@ from wall.core.data import Float64
 if TYPE_CHECKING:
     from wall.scene.model import Instance, Mesh
 
-KEPT = 2  # meshes of a series, beside its first: the one asked for last and the one ahead
+KEPT = 2  # meshes of a series, beside its first, for each time: the one asked for last and the one ahead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +50,7 @@ class StepMeshes:
         """`load` gives the mesh of a step, in the frame of the first step's, and may raise SceneError."""
         self._load, self._count, self._loops = load, count, loops
         self._lock = Lock()
+        self.times = 1  # that views have, who ask by turns
         self._kept: dict[int, Future[Mesh]] = {}  # the newest last
         self._pool: ThreadPoolExecutor | None = None  # made in the process that loads, which may be forked
 
@@ -60,7 +61,7 @@ class StepMeshes:
             ahead = (step + 1) % self._count if self._loops else min(step + 1, self._count - 1)
             if ahead not in (0, step):
                 self._begun(ahead)
-            for behind in list(self._kept)[:-KEPT]:
+            for behind in list(self._kept)[: -KEPT * self.times]:
                 del self._kept[behind]
         return found.result()
 

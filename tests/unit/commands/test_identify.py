@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from running import start, wall
+from running import called, start, wall
 from x_servers import comes_true, screenshot, x_server
 
 from wall.commands.identify import about
@@ -82,14 +82,14 @@ def test_the_text_on_a_pattern_comes_from_the_configuration(tmp_path: Path) -> N
 
 
 def test_panels_of_other_machines_are_not_shown(tmp_path: Path) -> None:
-    done = wall("identify", config(tmp_path, host="node7"), "--seconds", "1")
+    done = called("identify", config(tmp_path, host="node7"), "--seconds", "1")
     assert done.returncode == 2
     assert "no panel hangs on" in done.stderr
     assert "run this on node7, or give -o" in " ".join(done.stderr.split())
 
 
 def test_an_unknown_pattern_is_refused_with_the_known_ones(tmp_path: Path) -> None:
-    done = wall("identify", config(tmp_path), "--pattern", "rings")
+    done = called("identify", config(tmp_path), "--pattern", "rings")
     assert done.returncode == 2
     assert "accepted: identify, grid, seam, gamma" in done.stderr
 
@@ -97,6 +97,6 @@ def test_an_unknown_pattern_is_refused_with_the_known_ones(tmp_path: Path) -> No
 @pytest.mark.parametrize("name", ["cave_corner", "demo"])
 def test_shipped_walls_can_be_identified(tmp_path: Path, name: str) -> None:
     path = Path(__file__).parents[3] / "configs" / f"{name}.yaml"
-    done = wall("identify", path, "--pattern", "seam", "-o", tmp_path)
+    done = called("identify", path, "--pattern", "seam", "-o", tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "wall.png").stat().st_size > 10_000

@@ -178,7 +178,7 @@ def test_only_framelets_of_another_moment_are_moved() -> None:
     sources = {s.index: Framelet.blank(s.rect, s.channels, encoded=s.encoded) for s in (a, b, graph.step("p1"))}
     moved: list[tuple[int, Event, int]] = []
 
-    def move(framelet: Framelet, event: Event, panel: int) -> Framelet:
+    def move(framelet: Framelet, event: Event, panel: int, fill: bool) -> Framelet:
         moved.append((next(k for k, f in sources.items() if f is framelet), event, panel))
         return framelet
 
@@ -195,6 +195,33 @@ def test_only_framelets_of_another_moment_are_moved() -> None:
     assert same_time(at(1, 1.0), now)
 
 
+def test_an_event_of_another_view_moves_nothing() -> None:
+    """Framelets of all views' panels come in at the refresh of any of them."""
+    graph = two_layers()
+    graph = replace(graph, layers=tuple(replace(layer, view=1) for layer in graph.layers))
+    a, b = graph.step("a"), graph.step("b")
+    sources = {s.index: Framelet.blank(s.rect, s.channels, encoded=s.encoded) for s in (a, b, graph.step("p1"))}
+    moved: list[Event] = []
+
+    def move(framelet: Framelet, event: Event, panel: int, fill: bool) -> Framelet:
+        moved.append(event)
+        return framelet
+
+    def at(view: int, x: float) -> Event:
+        camera = Camera(position=(x, 0.0, 0.0), world_from_wall=STILL.world_from_wall)
+        return Event(view=view, camera_event=1, scene_event=0, scene_time=0.0, input_time=0.0, camera=camera)
+
+    executor = Executor(graph, 0, sources, Path(), move)
+    sources[a.index].event = sources[b.index].event = at(1, 1.0)
+    executor.step({a.index: [a.rect]}, at(0, 9.0))
+    executor.step({}, at(1, 1.0))
+    executor.step({a.index: [a.rect]}, at(0, 9.0))
+    assert moved == []
+    sources[b.index].event = at(1, 0.5)
+    executor.step({b.index: [b.rect]}, at(0, 9.0))
+    assert moved == [at(1, 1.0)], "to the newest moment of its own view"
+
+
 def test_what_was_made_of_a_guess_or_for_another_moment_is_made_anew() -> None:
     graph = two_layers()
     a, b, d = graph.step("a"), graph.step("b"), graph.step("d")
@@ -204,7 +231,7 @@ def test_what_was_made_of_a_guess_or_for_another_moment_is_made_anew() -> None:
         camera = Camera(position=(x, 0.0, 0.0), world_from_wall=STILL.world_from_wall)
         return Event(view=0, camera_event=1, scene_event=0, scene_time=0.0, input_time=0.0, camera=camera)
 
-    def guess(framelet: Framelet, event: Event, panel: int) -> Framelet:
+    def guess(framelet: Framelet, event: Event, panel: int, fill: bool) -> Framelet:
         return Framelet.blank(framelet.rect, framelet.channels)
 
     executor, dirty = Executor(graph, 0, sources, Path(), guess), rect(2, 1, 2, 2)

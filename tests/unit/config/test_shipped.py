@@ -75,6 +75,7 @@ RANKS = {
     "views/framed_frameless": 3,
     "views/integrators": 3,
     "views/map_inset": 3,
+    "views/moments": 4,
     "views/side_by_side": 3,
     "walls/cylinder": 6,
     "walls/dome": 5,

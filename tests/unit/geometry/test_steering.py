@@ -17,7 +17,7 @@ from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import look_at, resolve_view
 from wall.geometry.expanding import expand
 from wall.geometry.frusta import project
-from wall.geometry.steering import STEEPEST, ZOOM_RANGE, Command, Steering, parse
+from wall.geometry.steering import EVERY_VIEW, STEEPEST, ZOOM_RANGE, Command, Steering, parse
 
 START = look_at((3, 2, 6), (0, 1, 0), (0, 1, 0))
 
@@ -149,7 +149,9 @@ def test_command_does_what_its_verb_does() -> None:
         ({"kind": "orbit", "x": 0.1, "y": -1}, Command(kind="orbit", x=0.1, y=-1.0)),
         ({"kind": "pan", "x": 0, "y": 0}, Command(kind="pan")),
         ({"kind": "zoom", "x": 1.25}, Command(kind="zoom", x=1.25)),
-        ({"kind": "pause"}, Command(kind="pause")),
+        ({"kind": "pause"}, Command(kind="pause", view=EVERY_VIEW)),
+        ({"kind": "pause", "paused": True, "view": 2}, Command(kind="pause", value="on", view=2)),
+        ({"kind": "seek", "x": -1.5, "view": 0}, Command(kind="seek", x=-1.5, view=0)),
         ({"kind": "reset"}, Command(kind="reset")),
         ({"kind": "sampler", "value": "hilbert"}, Command(kind="sampler", value="hilbert")),
     ],

@@ -80,6 +80,19 @@ def test_a_loaded_wall_comes_close_to_a_perfect_split_and_rests(load: str, ranks
     assert balancer.assignment.number <= 10
 
 
+def test_costs_that_are_measured_badly_are_believed_together() -> None:
+    """Each is off by a fifth, up or down: no border moves for that alone, and strips come close to a perfect split."""
+    layout, load, rng = layout_of(ranks=2), LOADS["one panel"], np.random.default_rng(1)
+    balancer, found, moves = Balancer(layout, 0.0), [], []
+    for turn in range(200):
+        said = beats(balancer, layout, load, (1.0 + rng.choice([-0.2, 0.2], 4)).tolist())
+        balancer.on_tick(said, (), ((turn, 0),), (turn + 1) * PERIOD_S)
+        found.append(evenness(beats(balancer, layout, load, [1.0] * 4)))
+        moves.append(balancer.assignment.number)
+    assert np.mean(found[10:]) >= 0.85
+    assert moves[-1] <= 65
+
+
 def test_what_cannot_be_even_makes_borders_move_ever_more_rarely() -> None:
     """Eight ranks, a slow one among them, for 20 rows that have nearly all of the load: strips are at least 8 rows."""
     layout = layout_of(ranks=4)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from running import write_config
 
-from wall.config.loading import load
+from wall.config.loading import load, loads
 from wall.core.data import Camera
 from wall.core.errors import EditError
 from wall.geometry.cameras import Lens, PanelView
@@ -91,7 +92,7 @@ def test_a_hidden_object_is_clicked_through_and_what_is_selected_is_told_to_the_
 
     def selected(now: float) -> list[str]:
         told = manager.on_message(WindowInput(rank=HEAD, commands=[click]), now)
-        return [i.message.name for i in told if isinstance(i, Send) and isinstance(i.message, Selection)]
+        return [i.message.names[0] for i in told if isinstance(i, Send) and isinstance(i.message, Selection)]
 
     (name,) = selected(0.1)
     assert name in {instance.name for instance in plan.scene.instances}
@@ -101,3 +102,24 @@ def test_a_hidden_object_is_clicked_through_and_what_is_selected_is_told_to_the_
     list(manager.on_tick(0.3))
     (behind,) = selected(0.4)
     assert behind != name
+
+
+def test_what_is_selected_in_a_view_is_in_those_linked_to_it_alone() -> None:
+    """Without a word of it all views are linked to the first."""
+    text = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 2, rows: 1, pixels: [64, 48], size: [0.4, 0.3]}}
+views:
+  - {id: main}
+  - {id: other, panels: [r0c1], selection: own}
+  - {id: third, viewport: {left: 0, top: 0, width: 0.2, height: 0.2}, selection: {follow: other}}
+  - {id: fourth, viewport: {left: 0.6, top: 0, width: 0.2, height: 0.2}}
+"""
+    plan = make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+    events, clicks = [first_event(plan, 0.0, k) for k in range(4)], Clicks(plan)
+    left, right = (clicks.object_at(events, x, 0.6) for x in (0.275, 0.725))
+    assert left != right
+    assert clicks.select([], events, 0.275, 0.6) == [left, "", "", left]
+    assert clicks.select(["", "urn", "urn", ""], events, 0.275, 0.6) == [left, "urn", "urn", left]
+    assert clicks.select(["urn", "", "", "urn"], events, 0.725, 0.6) == ["urn", right, right, "urn"]

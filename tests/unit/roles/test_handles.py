@@ -51,9 +51,9 @@ def events_of(plan: Plan, **values: tuple[float, ...]) -> dict[int, Event]:
 def test_points_along_the_axes_lie_where_images_have_them(plan: Plan) -> None:
     scene, offset = plan.scene, (0.3, 0.2, -0.1)
     events = events_of(plan, offset=offset)
-    handles = HandlesMaker(plan, NAME).handles(events)
+    handles = HandlesMaker(plan, [NAME, NAME]).handles(events)
     assert handles is not None
-    assert (handles.parameter, handles.value) == (PARAMETER, offset)
+    assert {(place.parameter, place.value) for place in handles.places} == {(PARAMETER, offset)}
     (row,) = (k for k, instance in enumerate(scene.instances) if instance.name == NAME)
     mesh = scene.meshes[scene.instances[row].mesh]
     corner = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0
@@ -73,7 +73,7 @@ def test_points_along_the_axes_lie_where_images_have_them(plan: Plan) -> None:
 
 
 def test_handles_are_the_same_object_until_they_change(plan: Plan) -> None:
-    maker, events = HandlesMaker(plan, NAME), events_of(plan)
+    maker, events = HandlesMaker(plan, [NAME, NAME]), events_of(plan)
     first = maker.handles(events)
     assert maker.handles(dict(events)) is first
     moved = replace(events[0].camera, position=(2.5, 2.2, 3.6))
@@ -81,6 +81,12 @@ def test_handles_are_the_same_object_until_they_change(plan: Plan) -> None:
 
 
 def test_what_is_not_there_has_no_handles(plan: Plan) -> None:
-    assert HandlesMaker(plan, "").handles(events_of(plan)) is None
-    assert HandlesMaker(plan, "nobody").handles(events_of(plan)) is None
-    assert HandlesMaker(plan, NAME).handles({}) is None
+    assert HandlesMaker(plan, ["", ""]).handles(events_of(plan)) is None
+    assert HandlesMaker(plan, ["nobody", ""]).handles(events_of(plan)) is None
+    assert HandlesMaker(plan, [NAME, NAME]).handles({}) is None
+
+
+def test_each_view_has_the_handles_of_what_is_selected_in_it(plan: Plan) -> None:
+    handles = HandlesMaker(plan, ["nobody", NAME]).handles(events_of(plan))
+    assert handles is not None
+    assert {(place.view, place.parameter) for place in handles.places} == {(1, PARAMETER)}

@@ -236,6 +236,17 @@ def test_a_second_one_a_wrong_key_and_a_run_that_keeps_its_configuration_are_ref
     assert led.manager.register.take_notes() == []
 
 
+def test_a_file_saved_while_another_configuration_is_loaded_follows_it(plan: Plan) -> None:
+    led = Led(plan)
+    asked = led.ask()
+    assert not led.tell(Changed("half", "wall.yaml"))
+    assert not led.tell(Changed(TEXT, "wall.yaml")), "the newest text is the one that counts"
+    assert led.adopted(asked)
+    begun = Make(Prepare(number=2, text=TEXT, path="wall.yaml"))
+    assert [each for each in led.tick() if isinstance(each, Make)] == [begun]
+    assert not [each for each in led.tick() if isinstance(each, Make)], "once"
+
+
 def test_who_dies_meanwhile_is_not_waited_for(plan: Plan) -> None:
     led = Led(plan)
     led.ask()

@@ -13,6 +13,7 @@ from wall.config.loading import loads
 from wall.core.data import Event
 from wall.geometry.steering import parse
 from wall.packets.control import Hello, WindowInput
+from wall.roles.director import Director
 from wall.roles.instructions import Broadcast, Trace, Traced, Work
 from wall.roles.manager import Manager
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan, on_one_machine
@@ -131,6 +132,82 @@ def test_a_view_that_follows_has_the_camera_of_the_other_however_it_is_steered()
         assert cameras == [cameras[0]] * 3
         before = cameras[0]
     assert [event.sampler for event in manager.events] == ["framed", "hilbert", "framed"]
+
+
+def steered(manager: Manager, now: float, *commands: dict[str, object]) -> list[float]:
+    """The views' times after what a user asked for."""
+    list(manager.on_message(WindowInput(rank=HEAD, commands=list(commands)), now))
+    list(manager.on_tick(now))
+    return [event.scene_time for event in manager.events]
+
+
+def test_views_have_the_first_ones_time_another_ones_shifted_or_their_own() -> None:
+    """Whoever steers a view's time steers it where it is; without a view named, all times stop and go on alike."""
+    plan = plan_of(
+        f"id: map, {INSET}, camera: {{follow: main}}",
+        f"id: ago, {INSET}, time: {{follow: main, offset_s: -5}}",
+        f"id: then, {INSET}, time: {{offset_s: 12, paused: true}}",
+        f"id: own, {INSET}, time: own",
+        f"id: later, {INSET}, time: {{follow: then, offset_s: 1}}",
+    )
+    assert [event.scene_time for event in (first_event(plan, 0.0, k) for k in range(6))] == [0, 0, 0, 12, 0, 13]
+    manager = Manager(plan, 0.0, still=False)
+    list(manager.on_message(Hello(rank=HEAD, host="a", endpoint="", incarnation=1), 0.0))
+    assert steered(manager, 2.0) == [2, 2, 0, 12, 2, 13], "never before the beginning"
+    assert steered(manager, 6.0) == [6, 6, 1, 12, 6, 13]
+    assert steered(manager, 7.0, {"kind": "seek", "x": 3.0, "view": 2}) == [10, 10, 5, 12, 7, 13]
+    assert steered(manager, 8.0, {"kind": "seek", "x": 1.0, "view": 5}) == [11, 11, 6, 13, 8, 14]
+    steered(manager, 9.0, {"kind": "pause", "view": 1})
+    assert [event.paused for event in manager.events] == [True, True, True, True, False, True]
+    assert steered(manager, 10.0) == [12, 12, 7, 13, 10, 14]
+    steered(manager, 11.0, {"kind": "pause"})
+    assert not any(event.paused for event in manager.events)
+    assert steered(manager, 12.0, {"kind": "seek", "x": -9.0}) == [4, 4, 0, 5, 3, 6]
+
+
+def test_times_go_on_under_another_configuration() -> None:
+    """Of a view whose time is configured as before, and of the first, whichever that is now."""
+
+    def directors(plan: Plan, before: dict[str, Director]) -> dict[str, Director]:
+        made: list[Director] = []
+        for k, view in enumerate(plan.views):
+            made.append(Director(plan, 0.0, k, made, before.get(view.id, next(iter(before.values()), None))))
+        return {director.name: director for director in made}
+
+    def own(offset: float) -> str:
+        return f"id: own, {INSET}, time: {{offset_s: {offset}}}"
+
+    ago = f"id: ago, {INSET}, time: {{follow: main, offset_s: -5}}"
+    known = directors(plan_of(ago, own(30)), {})
+    for director in known.values():
+        director.update([], 8.0)
+    known["own"].update([parse({"kind": "pause"})], 9.0)
+    assert [director.time for director in known.values()] == [8, 3, 39]
+
+    same = directors(plan_of(ago, own(30)), known)
+    assert [director.event.scene_time for director in same.values()] == [8, 3, 39]
+    assert [director.paused for director in same.values()] == [False, False, True]
+    other = directors(plan_of(own(70), main=f"{{id: ago, {EYE}}}"), known)
+    assert [director.time for director in other.values()] == [3, 70]
+
+
+@pytest.mark.parametrize("method", ["framed", "adaptive"])
+def test_a_view_of_another_moment_shows_what_the_wall_shows_then(
+    tracer_scene: TracerScene, compiled_only: None, method: str
+) -> None:
+    """One renderer has both in turn: objects stand where each view's time has them, bit for bit."""
+
+    def ended(*others: str, main: str = EYE) -> list[np.ndarray]:
+        chain = SingleProcess(plan_of(*others, method=method, main=f"{{id: main, {main}}}"), tracer_scene)
+        for _ in range(40):
+            chain.step()
+        return [image.rgb for image in chain.composition.shown()[0].images()]
+
+    alone, then = ended(), ended(main=f"{EYE}, time: {{offset_s: 3}}")
+    both = ended(f"id: then, panels: [r0c1], {EYE}, time: {{offset_s: 3}}")
+    assert (alone[1] != then[1]).any(), "it moves"
+    np.testing.assert_array_equal(both[0], alone[0])
+    np.testing.assert_array_equal(both[1], then[1])
 
 
 class Rank:

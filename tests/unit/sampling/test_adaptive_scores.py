@@ -89,6 +89,21 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     assert_allclose(scores.score, gain, rtol=1e-5)
 
 
+def test_what_pixels_want_does_not_depend_on_how_many_samples_they_have() -> None:
+    """So renderers can be compared, one that has just begun as well: twice the contrast wants twice the samples."""
+    value = np.random.default_rng(1).random((37, 40)).astype(np.float32)
+
+    def wanted(density: float, contrast: float) -> float:
+        feedback = unknown()
+        feedback.resolved[:] = (contrast * value[..., None]) ** 2
+        feedback.sample_density[:] = density
+        return sampler_over(feedback).demand
+
+    assert wanted(0.0, 0.5) == wanted(4.0, 0.5)
+    assert_allclose(wanted(1.0, 1.0), 2.0 * wanted(1.0, 0.5), rtol=0.01)  # the floor that every pixel has
+    assert 0.0 < wanted(1.0, 0.0) < 0.05 * wanted(1.0, 0.5)
+
+
 def test_holes_come_first_and_edges_before_plain_surfaces(camera_path: Path) -> None:
     known = unknown()
     known.sample_density[:] = 1.0

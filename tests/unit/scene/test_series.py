@@ -95,6 +95,11 @@ def test_the_next_step_is_loaded_ahead_and_those_behind_are_dropped() -> None:
     assert meshes.mesh(50) == 50
     assert meshes.kept == (50, 51)
     assert loaded[:6] == [1, 2, 3, 4, 5, 99]
+    meshes.times = 2
+    for step in (10, 60, 11, 61):
+        assert meshes.mesh(step) == step
+    assert meshes.kept == (11, 12, 61, 62)
+    assert loaded.count(11) == loaded.count(61) == 1, "of two times, neither drops what is ahead of the other"
 
 
 def test_an_error_of_a_later_step_names_its_file(folder: Path) -> None:

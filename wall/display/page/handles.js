@@ -1,5 +1,5 @@
-// Handles at the object that is selected: one along each axis of the world, drawn over the image; a drag along one
-// moves the object. Each viewport of the wall shows those of its own camera.
+// Handles at each object that is selected: one along each axis of the world, drawn over the image; a drag along one
+// moves the object. Each viewport of the wall shows those of its view's selection, seen by its own camera.
 
 const LENGTH = 84;                // CSS pixels, of the longest axis,
 const LARGEST = 0.35;             // but no more of what its view has of the wall
@@ -29,9 +29,9 @@ export class Handles {
     new ResizeObserver(() => this.#draw()).observe(document.getElementById("wall"));
   }
 
-  // Where the object stands, as the run says.
+  // Where objects stand, as the run says.
   show(message) {
-    if (message.parameter !== this.#said.parameter) this.#drag = null;
+    if (this.#drag && message.places[this.#drag.k]?.parameter !== this.#drag.parameter) this.#drag = null;
     this.#said = message;
     this.#draw();
   }
@@ -43,8 +43,8 @@ export class Handles {
   #draw() {
     const drawing = this.#wall.drawing();
     if (!drawing) return;
-    const { places, parameter } = this.#said;
-    const key = JSON.stringify([parameter, places.map(({ rect }) => rect)]);
+    const { places } = this.#said;
+    const key = JSON.stringify(places.map(({ parameter, rect }) => [parameter, rect]));
     if (key !== this.#key || drawing.childElementCount !== 2 * this.#groups.length) this.#build(drawing, key);
     const scale = drawing.viewBox.baseVal.width / (drawing.getBoundingClientRect().width || 1);   // pixels in a CSS pixel
     places.forEach(({ view, wall_from_object }, k) => {
@@ -64,15 +64,16 @@ export class Handles {
   }
 
   #begin(k, axis, e) {
-    const { parameter, value } = this.#said;
+    const { parameter, value } = this.#said.places[k];
     this.#drag = { k, axis, parameter, start: value, from: 0 };
     this.#drag.from = this.#along(e) ?? 0;
   }
 
   // How far along its axis from where the drag began the pointer is, in world units; null where it cannot be said.
   #along(e) {
-    const { k, axis, start } = this.#drag, { places, value } = this.#said, m = places[k]?.wall_from_object;
-    if (!m) return null;
+    const { k, axis, start } = this.#drag, place = this.#said.places[k];
+    if (!place) return null;
+    const { wall_from_object: m, value } = place;
     const [w, x, y] = placed(m, start.map((s, n) => s - value[n])), [aw, ax, ay] = turned(m, EVERY_AXIS[axis]);
     const across = (ax - (x / w) * aw), down = (ay - (y / w) * aw), size = Math.hypot(across, down);
     if (!(w > 0) || !(size > 0)) return null;

@@ -31,6 +31,7 @@ let socket = null;
 let attempts = 0;
 let heard = 0;
 let ended = false;
+let selected = [];                // by view: the object that is
 let steers = true;                // else the server takes OWN messages alone
 
 const viewports = new Viewports(wall);
@@ -101,7 +102,12 @@ function take(message, pictures) {
     handles.show(message);
   } else if (message.kind === "status") {
     steering.samplers = message.samplers;
-    readout.show({ ...message, sampler: message.view_samplers[viewports.steered] ?? message.sampler });
+    const view = viewports.steered;
+    readout.show({
+      ...message, sampler: message.view_samplers[view] ?? message.sampler,
+      paused: message.view_paused[view] ?? message.paused });
+    selected = message.selected;
+    parameters.select(selected[view]);
     bookmarks.show(message.bookmarks);
     wall.markStale(message.stale);
     compare.status(message, short);
@@ -284,6 +290,8 @@ steering.actions = {
   next: nextView,
 };
 steering.view = () => viewports.steered;
+viewports.onsteer = (view) => parameters.select(selected[view]);
+steering.several = () => viewports.several;
 readout.onpause = () => steering.pause();
 readout.onsampler = choose;
 document.getElementById("pause").onclick = () => steering.pause();

@@ -18,7 +18,7 @@ export const hexOf = (rgb) => "#" + rgb
 export const rgbOf = (hex) => [1, 3, 5].map((k) => decoded(parseInt(hex.slice(k, k + 2), 16) / 255));
 
 export class Parameters {
-  #panel; #groups; #send; #rows = new Map(); #names = ""; #due = new Map(); #said = []; #later;
+  #panel; #groups; #send; #rows = new Map(); #names = ""; #due = new Map(); #all = []; #said = []; #object; #later;
 
   // `send` takes a command: `set` with a name and numbers, or null for what is configured.
   constructor(panel, groups, send) {
@@ -28,11 +28,23 @@ export class Parameters {
   }
 
   show(parameters) {
+    this.#all = parameters;
     this.#panel.hidden = parameters.length === 0;
-    const names = parameters.map((p) => p.name).join("\n");
-    if (names !== this.#names) this.#build(parameters, names);
-    this.#said = parameters;
+    const shown = parameters.filter(({ name }) => this.#shows(name)), names = shown.map((p) => p.name).join("\n");
+    if (names !== this.#names) this.#build(shown, names);
+    this.#said = shown;
     this.#follow();
+  }
+
+  // Of objects, show the parameters of the one that is selected in the steered view.
+  select(object) {
+    if (object === this.#object) return;
+    this.#object = object;
+    this.show(this.#all);
+  }
+
+  #shows(name) {
+    return !name.startsWith("objects.") || name.slice("objects.".length, name.lastIndexOf(".")) === this.#object;
   }
 
   // What the run said last, in every row; one that was just moved follows later, for the run says a change only once.

@@ -17,6 +17,7 @@ export class Steering {
   samplers = [];
   actions = {};
   view = () => 0;                         // which one is steered
+  several = () => false;                  // whether there are others
   #send; #height; #surface;
   #sum = { orbit: [0, 0], pan: [0, 0], zoom: 1 };
   #due = false; #before = 0;
@@ -41,10 +42,13 @@ export class Steering {
 
   pause() {
     this.actions.pause?.();
-    this.#send({ kind: "pause" });
+    this.#time({ kind: "pause" });
   }
 
   reset() { if (!this.actions.resetImage?.()) this.#steer({ kind: "reset" }); }
+
+  // Of the steered view, or of the one whose time it has.
+  #time(command) { this.#send(this.several() ? { ...command, view: this.view() } : command); }
 
   #steer(command) { this.#send(this.view() ? { ...command, view: this.view() } : command); }
 
@@ -148,8 +152,8 @@ export class Steering {
     else if (e.key === "-" || e.key === "_") this.#zoom(1 / KEY_ZOOM);
     else if (e.key === "]") this.#send({ kind: "expose", x: KEY_STOPS });
     else if (e.key === "[") this.#send({ kind: "expose", x: -KEY_STOPS });
-    else if (e.key === ".") this.#send({ kind: "seek", x: KEY_SEEK });
-    else if (e.key === ",") this.#send({ kind: "seek", x: -KEY_SEEK });
+    else if (e.key === ".") this.#time({ kind: "seek", x: KEY_SEEK });
+    else if (e.key === ",") this.#time({ kind: "seek", x: -KEY_SEEK });
     else if (e.repeat || !this.#letter(e.key)) return;
     e.preventDefault();
   }

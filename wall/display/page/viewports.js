@@ -6,6 +6,7 @@ const $ = (id) => document.getElementById(id);
 
 export class Viewports {
   steered = 0;
+  onsteer = () => {};
   #wall; #names = []; #places = []; #size = null;
 
   constructor(wall) { this.#wall = wall; }
@@ -30,6 +31,7 @@ export class Viewports {
   steer(view) {
     this.steered = view;
     check($("steered"), this.#names[view]);
+    this.onsteer(view);
     this.#wall.outline(this.#places.filter((place) => place.view === view));
   }
 
