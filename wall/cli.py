@@ -6,6 +6,7 @@ it is called, so that `wall --help` loads nothing but the command line itself.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,9 +17,9 @@ from wall.cli_measure import measure
 from wall.cli_operations import doctor, join, top
 from wall.cli_peers import peers
 from wall.cli_plan import plan
-from wall.cli_render import IntegratorOption, UpOption, ViewOption, render, replay
+from wall.cli_render import IntegratorOption, UpOption, render, replay, screenshot
 from wall.cli_tracker import tracker
-from wall.commands.terminal import console, errors, fail, load_config, parse_size, readably, say_version, write_text
+from wall.commands.terminal import console, errors, fail, load_config, readably, say_version, write_text
 from wall.core.errors import EditError
 
 app = typer.Typer(
@@ -37,6 +38,7 @@ app.add_typer(measure, name="measure")
 app.command()(plan)
 app.command()(render)
 app.command()(replay)
+app.command()(screenshot)
 app.command()(top)
 app.command()(join)
 app.command()(doctor)
@@ -73,6 +75,11 @@ def run(
     record: Annotated[
         Path | None, typer.Option(help="Folder for the run's events, such as run.events; wall replay traces them again")
     ] = None,
+    film: Annotated[
+        Path | None, typer.Option(help="FILE.mp4 of what the first view was to show, rendered after the run")
+    ] = None,
+    film_rate: Annotated[float, typer.Option(help="Frames a second of --film")] = 30.0,
+    film_spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of --film")] = 16,
     images: Annotated[
         Path | None, typer.Option(help="Folder that keeps every image shown, lossless: large, for short runs")
     ] = None,
@@ -83,15 +90,18 @@ def run(
 
     [bold]wall run configs/demo.yaml --seconds 20[/]
 
+    [bold]wall run configs/demo.yaml --seconds 10 --film demo.mp4[/]
+
     [bold]mpirun -x PATH -n 5 wall run configs/demo.yaml --headless --seconds 20[/]
     """
     from wall.commands.progress import StartProgress, show_summary
     from wall.run import launch
 
-    if record is not None and watch:
+    if watch and (record or film):
         from wall.core.errors import ConfigError
 
-        raise ConfigError("--record and --watch: a run that is recorded keeps its configuration; wanted: one of them")
+        option = "--film" if record is None else "--record"
+        raise ConfigError(f"{option} and --watch: a run that is recorded keeps its configuration; wanted: one of them")
     loaded = load_config(config, scene, up=up, integrator=integrator, fit=fit)
     options = launch.Options(
         out=out or Path(loaded.config.output.directory),
@@ -103,11 +113,19 @@ def run(
         images=images,
         watch=watch,
     )
+    film_later = None
+    if film is not None:
+        from wall.commands.film import film_of_run
+
+        film_later = film_of_run(film, record, rate=film_rate, spp=film_spp)
+        options = replace(options, record=film_later.events)
     with StartProgress(open_page=loaded.config.output.browser.open) as progress:
         outcome = launch.run(loaded, options, progress.say, progress.opened)
     if outcome is None:
         return
     show_summary(outcome.summary, options.out)
+    if film_later is not None:
+        film_later.make()
     if outcome.failed:
         fail(f"the run failed: {outcome.failed}")
 
@@ -231,36 +249,6 @@ def draw(
 
     page = draw_wall(load_config(config), output, samples_per_s=samples_per_s, width=width)
     console.print(f"wrote {output}: {page.width:.0f} x {page.height:.0f} mm")
-
-
-@app.command()
-def screenshot(
-    config: ConfigArgument,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="wall.png or .tiff (8-bit sRGB), .exr (linear float32)")
-    ],
-    scale: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Times more pixels each way than the wall has")] = 1.0,
-    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels instead; flat walls only")] = None,
-    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 16,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
-    at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
-    panels: Annotated[bool, typer.Option("--panels", help="A file for each panel, wall-ID.png, instead")] = False,
-    bezels: Annotated[bool, typer.Option("--bezels", help="Dark bezels; else the scene goes on behind them")] = False,
-    view: ViewOption = None,
-) -> None:
-    """Write the whole wall to a file, however large: it is drawn and written strip by strip.
-
-    [bold]wall screenshot configs/demo.yaml --scale 8 -o wall.png[/]
-    """
-    from wall.commands.progress import progress_bar
-    from wall.commands.screenshot import Shot
-    from wall.commands.screenshot import screenshot as take
-
-    shot = Shot(size=parse_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels, view=view)
-    with progress_bar("rendering", count="{task.completed} of {task.total} rows") as update:
-        written = take(load_config(config), output, shot, lambda done, total: update(completed=done, total=total))
-    for one in written:
-        console.print(f"wrote {one.path}: {one.width}x{one.height}, {spp} samples a pixel, seed {seed}")
 
 
 @app.command()

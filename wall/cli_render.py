@@ -1,9 +1,10 @@
-"""`wall render` and `wall replay`: converged images, their layers, films; recorded runs traced again."""
+"""`wall render`, `wall screenshot` and `wall replay`: converged images, their layers, films; recorded runs again."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -45,12 +46,19 @@ def render(
     view: ViewOption = None,
     up: UpOption = None,
     integrator: IntegratorOption = None,
+    exposure: Annotated[float | None, typer.Option(help="Stops: light times 2^EXPOSURE; else as configured")] = None,
+    tone_mapping: Annotated[
+        str | None, typer.Option(help="none, reinhard, aces or khronos_neutral; else as configured")
+    ] = None,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers of an .exr, with commas between: albedo, normal, depth, variance, object_id; or all"),
     ] = None,
     denoise: Annotated[
         bool, typer.Option("--denoise", help="Estimate the image behind the noise: Open Image Denoise, pip: pyoidn")
+    ] = False,
+    legend: Annotated[
+        bool, typer.Option("--legend", help="Draw the legends of the configuration's graph over the image")
     ] = False,
     frames: Annotated[
         str | None, typer.Option(help="FIRST:LAST[:STEP]: many images, of the moments frame number / --rate")
@@ -71,6 +79,7 @@ def render(
     from wall.commands.frames import Quality
     from wall.commands.one_view import plan_of_view
     from wall.commands.terminal import print_notes
+    from wall.config.loading import with_tone
     from wall.display.image_file import check_suffix
     from wall.roles.plan import make_layout, make_plan
     from wall.sampling.pixel_layers import LAYERS, checked_layers
@@ -79,7 +88,8 @@ def render(
     quality = Quality(spp=spp, seed=seed, size=parse_size(size))
 
     def planned() -> Plan:
-        plan = make_plan(make_layout(load_config(what, up=up, integrator=integrator)))
+        loaded = with_tone(load_config(what, up=up, integrator=integrator), exposure, tone_mapping)
+        plan = make_plan(make_layout(loaded))
         plan = plan if view is None else plan_of_view(plan, view)
         print_notes(plan)
         return plan
@@ -88,27 +98,30 @@ def render(
         if output is None:
             raise ConfigError("-o is missing; wanted a file, such as wall.png")
         check_suffix(output, layers=bool(names))
-        _render_image(planned, output, quality, at=at, layers=names, denoise=denoise)
+        _render_image(planned, output, quality, at=at, layers=names, denoise=denoise, legend=legend)
         return
     if names or at or denoise:
         other = "--layers" if names else "--at" if at else "--denoise"
         raise ConfigError(f"--frames with {other}: wanted one of them; frames are plain images of moments of their own")
-    _render_frames(planned, output, quality, frames=frames, rate=rate, film=film)
+    _render_frames(planned, output, quality, frames=frames, rate=rate, film=film, legend=legend)
 
 
 def _render_image(
-    planned: Callable[[], Plan], output: Path, quality: Quality, *, at: float, layers: Names, denoise: bool
-) -> None:
+    planned: Callable[[], Plan], output: Path, quality: Quality, *, at: float, layers: Names, denoise: bool,
+    legend: bool,
+) -> None:  # fmt: skip
+    from wall.commands.legends import legends_of
     from wall.commands.progress import progress_bar
     from wall.commands.render import render_layers
     from wall.display.image_file import write_image, write_layers
     from wall.operators.denoise import denoised, load_denoiser
-    from wall.roles.plan import exposure_at
+    from wall.roles.tone import tone_at
 
     denoiser = load_denoiser("--denoise") if denoise else None
     needed = tuple(dict.fromkeys((*layers, *(("albedo", "normal") if denoise else ()))))
     with progress_bar("rendering") as update:
         plan = planned()
+        over = legends_of(plan.layout, quality.size).draw if legend else None
         found = render_layers(
             plan,
             spp=quality.spp,
@@ -126,18 +139,21 @@ def _render_image(
         )
     image = found["colour"]
     if layers:
+        if over is not None:
+            over(image)
         write_layers(output, {name: found[name] for name in ("colour", *layers)})
     else:
-        write_image(output, image, stops=exposure_at(plan, at))
+        write_image(output, image, tone=tone_at(plan, at), over=over)
     size = f"{image.shape[1]}x{image.shape[0]}"
     console.print(f"wrote {output}: {size}, {quality.spp} samples a pixel, seed {quality.seed}")
 
 
 def _render_frames(
     planned: Callable[[], Plan], output: Path | None, quality: Quality, *, frames: str | None, rate: float,
-    film: Path | None,
+    film: Path | None, legend: bool,
 ) -> None:  # fmt: skip
     from wall.commands.frames import Targets, checked_rate, parse_frames, render_frames
+    from wall.commands.legends import legends_of
     from wall.commands.progress import progress_bar
 
     if frames is None or (output is None and film is None):
@@ -147,10 +163,43 @@ def _render_frames(
     rate = checked_rate(rate)
     with progress_bar("rendering frames") as update:
         plan = planned()
+        if legend:
+            targets = replace(targets, over=legends_of(plan.layout, quality.size).draw)
         update(total=len(numbers))
         render_frames(plan, quality, numbers, targets, rate=rate, done=lambda count: update(completed=count))
     for name in filter(None, (output, film)):
         console.print(f"wrote {name}: {len(numbers)} frames, {quality.spp} samples a pixel, seed {quality.seed}")
+
+
+def screenshot(
+    config: Annotated[
+        Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="wall.png or .tiff (8-bit sRGB), .exr (linear float32)")
+    ],
+    scale: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Times more pixels each way than the wall has")] = 1.0,
+    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels instead; flat walls only")] = None,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 16,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
+    at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
+    panels: Annotated[bool, typer.Option("--panels", help="A file for each panel, wall-ID.png, instead")] = False,
+    bezels: Annotated[bool, typer.Option("--bezels", help="Dark bezels; else the scene goes on behind them")] = False,
+    view: ViewOption = None,
+) -> None:
+    """Write the whole wall to a file, however large: it is drawn and written strip by strip.
+
+    [bold]wall screenshot configs/demo.yaml --scale 8 -o wall.png[/]
+    """
+    from wall.commands.progress import progress_bar
+    from wall.commands.screenshot import Shot
+    from wall.commands.screenshot import screenshot as take
+
+    shot = Shot(size=parse_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels, view=view)
+    with progress_bar("rendering", count="{task.completed} of {task.total} rows") as update:
+        written = take(load_config(config), output, shot, lambda done, total: update(completed=done, total=total))
+    for one in written:
+        console.print(f"wrote {one.path}: {one.width}x{one.height}, {spp} samples a pixel, seed {seed}")
 
 
 def replay(
@@ -186,7 +235,10 @@ def replay(
     if output is not None and batch is None:
         raise ConfigError("-o: wanted --batch with it")
     if film is not None:
-        _replay_film(folder, film, spp=spp, size=size, rate=rate, view=view)
+        from wall.commands.film import make_film
+        from wall.commands.frames import Quality
+
+        make_film(folder, film, Quality(spp=spp, seed=1, size=parse_size(size)), rate=rate, view=view)
         return
     from wall.commands.progress import StartProgress
     from wall.commands.replay import replay as replay_run
@@ -208,21 +260,3 @@ def _batch_of(text: str) -> tuple[int, int]:
     if found is None:
         raise ConfigError(f"--batch {text!r}: wanted a number such as 117, or 117@1 after a rank's first restart")
     return int(found[1]), int(found[2] or 0)
-
-
-def _replay_film(folder: Path, film: Path, *, spp: int, size: str | None, rate: float, view: str | None) -> None:
-    from wall.commands.film import replay_film
-    from wall.commands.frames import Quality
-    from wall.commands.progress import progress_bar
-
-    with progress_bar("rendering frames") as update:
-        count = replay_film(
-            folder,
-            film,
-            Quality(spp=spp, seed=1, size=parse_size(size)),
-            rate=rate,
-            view=view,
-            total=lambda total: update(total=total),
-            done=lambda done: update(completed=done),
-        )
-    console.print(f"wrote {film}: {count} frames at {rate:g} Hz, {spp} samples a pixel")

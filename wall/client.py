@@ -264,4 +264,4 @@ def _parsed(data: bytes) -> Any:
 
 def _numbers_of(row: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
     """What JSON has as lists."""
-    return {name: tuple(row[name]) for name in ("default", "value")}
+    return {name: tuple(row[name]) for name in ("default", "value", "choices")}

@@ -24,6 +24,10 @@ OFFERED = (
     offer("integrator.depth", "whole", 6.0, low=1, high=64, unit="surfaces"),
 )
 
+MAPPING = ParameterState(
+    name="tone_mapping", kind="choice", low=0, high=2, unit="", default=(0.0,), value=(0.0,),
+    choices=("none", "reinhard", "aces"),
+)  # fmt: skip
 LENS = (offer("lens.focus", "number", 3.0, low=1e-6, high=1e12, unit="world units"),)
 
 
@@ -53,6 +57,15 @@ def test_without_parameters_there_is_no_panel_and_with_some_it_is_closed_at_firs
     assert page.locator(".parameter").count() == len(OFFERED)
     assert page.get_attribute("#parameters-open", "aria-expanded") == "true"
     assert page.locator("h3").all_inner_texts() == ["Picture", "Light 0", "Light 1", "oak .001", "Integrator"]
+
+
+def test_a_choice_is_a_list_of_names(page, source):
+    source.offered = (MAPPING,)
+    page.wait_for_selector("#parameters:not([hidden])")
+    page.keyboard.press("p")
+    page.get_by_label("tone_mapping", exact=True).select_option("aces")
+    eventually(page, lambda: sets(source), "the choice")
+    assert sets(source)[-1] == {"kind": "set", "name": "tone_mapping", "numbers": [2]}
 
 
 def test_arrow_keys_move_a_slider_and_not_the_wall(panel, source):

@@ -13,6 +13,7 @@ from PIL import Image
 
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.colour import CURVE_STEPS, srgb_curve
+from wall.core.tone_mapping import TONE_MAPPINGS, Tone, tone_mapped
 from wall.display.base import PanelImage, PanelSamples, Status, WallImage
 from wall.display.browser import Browser
 from wall.display.sample_store import Samples, codes_of_halves, halves
@@ -43,9 +44,9 @@ NO_WEBGL2 = """HTMLCanvasElement.prototype.getContext = new Proxy(HTMLCanvasElem
   { apply: (own, self, [kind, ...more]) => (kind === "webgl2" ? null : Reflect.apply(own, self, [kind, ...more])) });"""
 
 
-def codes(radiance, stops):
+def codes(radiance, tone):
     """What a wall shows of light: see wall.operators.kernels.pixels.encode_row."""
-    exposed = np.clip(np.float32(2.0**stops) * radiance, np.float32(0.0), np.float32(1.0))
+    exposed = np.clip(tone_mapped(tone.gain * radiance, tone.mapping), np.float32(0.0), np.float32(1.0))
     return srgb_curve()[(np.sqrt(exposed) * np.float32(CURVE_STEPS) + np.float32(0.5)).astype(int)]
 
 
@@ -55,7 +56,7 @@ class Panels:
     def __init__(self, count):
         self.wall = expand(WallConfig(grid=GridConfig(columns=count, rows=1, pixels=(WIDTH, HEIGHT), size=(0.3, 0.2))))
         self.browser = Browser("127.0.0.1", 0, self.wall, why_images=[""] * count)
-        self.rng, self.stops, self.handed, self.version = np.random.default_rng(1), 0.0, False, 0
+        self.rng, self.tone, self.handed, self.version = np.random.default_rng(1), Tone(), False, 0
         self.radiance = [np.zeros((HEIGHT, WIDTH, 3), np.float32) for _ in range(count)]
         self.images = [
             PanelImage(id=p.id, rgb=np.zeros((HEIGHT, WIDTH, 3), np.uint8), screen=p.screen, version=0)
@@ -70,10 +71,10 @@ class Panels:
             pixels = np.unique(self.rng.integers(0, HEIGHT * WIDTH, samples))
             light = (4.0 * self.rng.random((len(pixels), 3)) ** 4).astype(np.float32)  # dark ones, and more than white
             radiance.reshape(-1, 3)[pixels] = light
-            self.images[k] = updated(self.images[k], codes(radiance, self.stops), self.version)
+            self.images[k] = updated(self.images[k], codes(radiance, self.tone), self.version)
             if whole or not self.handed:
                 pixels, light = np.arange(HEIGHT * WIDTH), radiance.reshape(-1, 3).copy()
-            handed.append(PanelSamples(panel=k, pixels=pixels, radiance=light, stops=self.stops))
+            handed.append(PanelSamples(panel=k, pixels=pixels, radiance=light, tone=self.tone))
         self.handed = self.browser.wants_samples
         self.browser.show(
             WallImage(
@@ -134,7 +135,7 @@ def test_exposure_is_the_page_s_own_and_at_most_one_step_off(page, panels):
     ask(page, panels)
     eventually(page, lambda: panels.differs(page)[0] == 0, "the first exposure")
     sent = panels.browser.sent_bytes
-    panels.stops = 1.5
+    panels.tone = Tone(1.5)
     panels.step(0)
     eventually(page, lambda: panels.differs(page)[0] <= 1, "the second exposure")
     assert panels.differs(page)[1] < 0.005
@@ -142,6 +143,12 @@ def test_exposure_is_the_page_s_own_and_at_most_one_step_off(page, panels):
     panels.radiance = [np.zeros_like(each) for each in panels.radiance]
     panels.step(0, whole=True)
     eventually(page, lambda: panels.differs(page) == (0, 0.0), "new samples are exact")
+    panels.step(30_000)
+    for mapping in TONE_MAPPINGS[1:]:
+        panels.tone = Tone(2.0, mapping)
+        panels.step(0)
+        eventually(page, lambda: panels.differs(page)[0] <= 1, mapping)
+        assert panels.differs(page)[1] < 0.02, mapping
 
 
 def test_a_panel_that_hands_on_no_samples_comes_as_an_image_and_back(page, panels):
@@ -188,14 +195,16 @@ def test_samples_in_any_order_end_in_the_newest(page, panels):
     messages, light = [], np.zeros((4, 3), np.float32)
     for version, pixels in enumerate(([0, 1, 2, 3], [0, 1], [1, 2], [1, 2, 3]), 1):
         light[pixels] = version / 8
-        samples = Samples(np.array(pixels, np.uint32), halves(light[pixels], codes(light[pixels], 0.0), 1.0), 1.0)
+        bits = halves(light[pixels], codes(light[pixels], Tone()), Tone())
+        samples = Samples(np.array(pixels, np.uint32), bits, Tone())
         encoded = encode_samples(samples, whole=version == 1)
         messages.append(samples_message(0, (2, 2), encoded=encoded, version=version, number=version))
     drawn = page.evaluate(PAINT, [b64encode(messages[k]).decode() for k in (0, 3, 1, 2)])
-    assert np.array_equal(np.array(drawn).reshape(4, 4)[:, :3], codes(light, 0.0))
+    assert np.array_equal(np.array(drawn).reshape(4, 4)[:, :3], codes(light, Tone()))
 
 
 def test_page_and_server_agree_what_every_half_float_shows_as(page):
-    for stops in (0.0, -7.3, 0.3, 5.0):
-        found = page.evaluate("async (gain) => [...(await import('./painter.js')).codesOfHalves(gain)]", 2.0**stops)
-        assert np.array_equal(found, codes_of_halves(2.0**stops))
+    for tone in (Tone(), Tone(-7.3), Tone(0.3), Tone(5.0), Tone(0.0, "reinhard"), Tone(1.7, "aces")):
+        gain, code = float(tone.gain), tone.code
+        found = page.evaluate("async (all) => [...(await import('./painter.js')).codesOfHalves(...all)]", [gain, code])
+        assert np.array_equal(found, codes_of_halves(gain, tone.mapping)), tone

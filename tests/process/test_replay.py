@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from running import made_once, wall
 from typer.testing import CliRunner
 
 from wall import cli
-from wall.commands.film import frames_of
+from wall.commands.film import FilmOfRun, film_of_run, frames_of
 from wall.commands.frames import Quality, rendered_frames
 from wall.commands.render import render
 from wall.commands.replay import replay, replay_one
@@ -58,7 +59,7 @@ def record(folder: Path) -> None:
     (folder / "wall.yaml").write_text(HEAD + "".join(views), encoding="utf-8")
     run = wall(
         "run", folder / "wall.yaml", "--headless", "--seconds", 1.5, "--out", folder / "out", "--record",
-        folder / "run.events",
+        folder / "run.events", "--film", folder / "run.mp4", "--film-rate", 4, "--film-spp", 1,
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
 
@@ -98,6 +99,25 @@ def test_a_film_of_a_run_has_the_images_of_its_moments(recording: Path, tmp_path
     done = CliRunner().invoke(cli.app, ["replay", str(recording), *options])
     assert done.exit_code == 0, done.output
     assert len(list(read_film(film))) == len(frames_of(open_recording(recording), view="frameless", rate=2.0)[1])
+
+
+def test_a_run_makes_its_film_and_its_events_stay_until_then(
+    recording: Path, copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the first view, at its own 4 Hz. Events that were not asked for are gone with the film; else they go on."""
+    wanted = len(frames_of(open_recording(recording), view=None, rate=4.0)[1])
+    frames = list(read_film(recording.with_name("run.mp4")))
+    assert [frame.shape for frame in frames] == wanted * [(32, 248, 3)]
+    assert np.ptp(frames[0]) > 100
+    film = copy.with_suffix(".mp4")
+    with pytest.raises(ConfigError, match=rf"{copy} is there already, .*wall replay {copy} --film {film} makes it"):
+        film_of_run(film, None, rate=1.0, spp=1)
+    later = FilmOfRun(film=tmp_path / "no" / "copy.mp4", events=copy, kept=False, rate=1.0, spp=1)
+    with pytest.raises(ConfigError):
+        later.make()
+    assert f"copy.mp4 is not finished; wall replay {copy} --film" in capsys.readouterr().err
+    replace(later, film=film).make()
+    assert (film.exists(), copy.exists()) == (True, False)
 
 
 def test_one_batch_is_shown_and_written(recording: Path, tmp_path: Path) -> None:

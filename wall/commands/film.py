@@ -1,11 +1,12 @@
-"""`wall replay --film`: what a recorded run was to show, rendered anew at any rate, size and samples a pixel."""
+"""`wall replay --film`, `wall run --film`: what a run was to show, rendered anew at any rate, size, samples a pixel."""
 
 from __future__ import annotations
 
 import math
+import shutil
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wall.commands.frames import (
@@ -18,14 +19,69 @@ from wall.commands.frames import (
     write_frames,
 )
 from wall.commands.one_view import plan_of_view
+from wall.commands.progress import progress_bar
+from wall.commands.terminal import console, errors
 from wall.core.data import Event
 from wall.core.errors import ConfigError, RunError
+from wall.core.mpi import under_mpi
 from wall.geometry.cameras import View
 from wall.roles.plan import Plan
 from wall.run.replay import Recorded, open_recording, recorded_events
 from wall.tracing.tracer_scene import make_tracer_scene
 
 ROUNDED = 1e-9  # of a frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmOfRun:
+    """The film of a run that has still to be made, from its events."""
+
+    film: Path
+    events: Path  # folder
+    kept: bool  # the events stay
+    rate: float
+    spp: int
+
+    def make(self) -> None:
+        """Make it; who ends that with Ctrl-C is told how to go on. Raises RunError."""
+        try:
+            make_film(self.events, self.film, Quality(spp=self.spp, seed=1), rate=self.rate, view=None)
+        except BaseException:
+            command = f"wall replay {self.events} --film {self.film} --rate {self.rate:g} --spp {self.spp}"
+            errors.print(f"note: {self.film} is not finished; {command} makes it", soft_wrap=True)
+            raise
+        if not self.kept:
+            shutil.rmtree(self.events, ignore_errors=True)
+
+
+def film_of_run(film: Path, record: Path | None, *, rate: float, spp: int) -> FilmOfRun:
+    """The film that `wall run` is to make, checked before the run begins. Raises ConfigError.
+
+    `record`: where the run's events are to stay; None: they are beside the film, until it is made.
+    """
+    if under_mpi():
+        raise ConfigError("--film under mpirun: wanted --record FOLDER, of all machines, then wall replay --film")
+    Targets(film=film).check()
+    events = record or film.with_suffix(".events")
+    if record is None and events.exists():
+        raise ConfigError(
+            f"--film {film}: {events} is there already, of a run whose film was not finished (wall replay {events} "
+            f"--film {film} makes it); wanted: another name, or that folder removed"
+        )
+    return FilmOfRun(film=film, events=events, kept=record is not None, rate=checked_rate(rate, "--film-rate"), spp=spp)
+
+
+def make_film(folder: Path, film: Path, quality: Quality, *, rate: float, view: str | None) -> None:
+    """Render a film as replay_film does, with a bar, and say what came of it."""
+    with progress_bar("rendering frames") as update:
+        count = replay_film(
+            folder, film, quality,
+            rate=rate,
+            view=view,
+            total=lambda total: update(total=total),
+            done=lambda done: update(completed=done),
+        )  # fmt: skip
+    console.print(f"wrote {film}: {count} frames at {rate:g} Hz, {quality.spp} samples a pixel")
 
 
 def replay_film(

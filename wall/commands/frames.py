@@ -20,7 +20,7 @@ from wall.core.data import Event, Float32
 from wall.core.errors import ConfigError
 from wall.core.mpi import under_mpi
 from wall.display.film import check_film, write_film
-from wall.display.image_file import check_suffix, display_values, write_image
+from wall.display.image_file import Over, check_suffix, display_values, write_image
 from wall.roles.plan import Plan
 from wall.sampling.pixel_layers import blank_columns
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -45,6 +45,7 @@ class Targets:
 
     pattern: Path | None = None  # whose name has #### in place of the frame's number
     film: Path | None = None
+    over: Over | None = None  # draws over each
 
     def check(self) -> None:
         """Refuse what cannot be written. Raises ConfigError."""
@@ -74,10 +75,10 @@ def parse_frames(text: str) -> range:
     return range(first, last + 1, step)
 
 
-def checked_rate(rate: float) -> float:
+def checked_rate(rate: float, option: str = "--rate") -> float:
     """Frames a second. Raises ConfigError."""
     if not 0.0 < rate <= MOST_HZ:
-        raise ConfigError(f"--rate {rate:g}: wanted frames a second, above 0, at most {MOST_HZ:g}")
+        raise ConfigError(f"{option} {rate:g}: wanted frames a second, above 0, at most {MOST_HZ:g}")
     return rate
 
 
@@ -130,8 +131,11 @@ def _written(
 ) -> Iterator[NDArray[np.uint8]]:
     for count, (image, event, number) in enumerate(zip(images, events, numbers, strict=True), 1):
         if targets.pattern is not None:
-            write_image(targets.file(number), image, stops=event.exposure)
-        yield display_values(image, stops=event.exposure)
+            write_image(targets.file(number), image, tone=event.tone, over=targets.over)
+        codes = display_values(image, tone=event.tone)
+        if targets.over is not None:
+            targets.over(codes)
+        yield codes
         done(count)
 
 

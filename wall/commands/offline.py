@@ -22,7 +22,8 @@ from wall.core.data import Event, Float32, Float64, Rect
 from wall.core.errors import ConfigError
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel, Plane
-from wall.roles.plan import Layout, Plan, exposure_at, first_event
+from wall.roles.plan import Layout, Plan, first_event
+from wall.roles.tone import tone_at
 from wall.sampling.pixel_layers import SURFACE_LAYERS, PixelLayers, normal_matrices
 from wall.sampling.pixel_means import PixelMeans, footprint_of
 from wall.tracing.surface_tracer import surface_scene
@@ -115,10 +116,9 @@ def scaled(panel: Panel, scale: float) -> Panel:
 
 def event_at(plan: Plan, at: float) -> Event:
     """The event of what the view shows `at` seconds after a run began, through its camera path."""
-    time = plan.view.time_after(at)
-    return replace(
-        first_event(plan, 0.0), scene_time=time, camera=plan.view.camera_after(at), exposure=exposure_at(plan, time)
-    )
+    time, first = plan.view.time_after(at), first_event(plan, 0.0)
+    tone, camera = tone_at(plan, time), plan.view.camera_after(at)
+    return replace(first, scene_time=time, camera=camera, exposure=tone.stops, tone_mapping=tone.mapping)
 
 
 class OfflineRenderer:

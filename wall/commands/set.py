@@ -13,6 +13,7 @@ import numpy as np
 from wall.client import connect
 from wall.core.colour import srgb_decoded
 from wall.core.errors import EditError
+from wall.core.tone_mapping import TONE_MAPPINGS
 from wall.packets.control import ALL_BUT_OBJECTS, EditAnswer
 
 COLOUR = re.compile("#[0-9a-fA-F]{6}")
@@ -43,16 +44,21 @@ def parse_assignment(text: str) -> tuple[str, object]:
 
 
 def parse_value(text: str) -> object:
-    """None for `default`, else a number, or a list of numbers. Raises EditError."""
+    """None for `default`, else a tone mapping's name, a number, or a list of numbers. Raises EditError."""
     if text == "default":
         return None
     if COLOUR.fullmatch(text):
         codes = np.array(list(bytes.fromhex(text[1:])))
         return [float(x) for x in srgb_decoded(codes / 255.0)]
+    if text in TONE_MAPPINGS:
+        return text
     try:
         numbers = [float(part) for part in text.strip("[]()").split(",")]
     except ValueError:
-        raise EditError(f"value {text[:60]!r}: want numbers with commas between, #rrggbb or default") from None
+        raise EditError(
+            f"value {text[:60]!r}: want numbers with commas between, #rrggbb, default, or one of "
+            f"{', '.join(TONE_MAPPINGS)}"
+        ) from None
     if not all(map(math.isfinite, numbers)):
         raise EditError(f"value {text[:60]!r}: want finite numbers")
     return numbers if len(numbers) > 1 else numbers[0]
@@ -62,10 +68,12 @@ def lines_of(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """A line for each parameter: name, value, unit, what is accepted, and what is configured where that differs."""
     width = max((len(p["name"]) for p in parameters), default=0)
     for p in parameters:
-        value, default = numbers_of(p["value"]), numbers_of(p["default"])
+        value, default = (text_of(p[what], p["choices"]) for what in ("value", "default"))
         kind = (
             p["kind"] if p["kind"] in ("direction", "position") else f"{p['kind']} from {p['low']:g} to {p['high']:g}"
         )
+        if p["choices"]:
+            kind = f"one of {', '.join(p['choices'])}"
         configured = "" if value == default else f"; configured: {default}"
         yield f"{p['name']:{width}}  {value:24} {p['unit']:11} {kind}{configured}"
 
@@ -80,6 +88,6 @@ def note_of(answer: EditAnswer) -> str:
     )
 
 
-def numbers_of(value: Sequence[float]) -> str:
-    """A value as `wall set` takes it."""
-    return ",".join(f"{x:.6g}" for x in value)
+def text_of(value: Sequence[float], choices: Sequence[str] = ()) -> str:
+    """A value as `wall set` takes it; `choices`: the names of its numbers, if they have names."""
+    return choices[int(value[0])] if choices else ",".join(f"{x:.6g}" for x in value)

@@ -19,10 +19,11 @@ from wall.config import json_schema, yaml_text
 from wall.config.materials import AmbientOcclusionConfig, DirectConfig, PathConfig
 from wall.config.scene import SceneConfig, Up
 from wall.config.schema import Config
-from wall.config.views import CameraConfig, OrbitPathConfig
+from wall.config.views import MOST_STOPS, CameraConfig, OrbitPathConfig
 from wall.config.yaml_text import Document, YamlPath
 from wall.core.errors import ConfigError
 from wall.core.files import read_file
+from wall.core.tone_mapping import TONE_MAPPINGS
 
 VERSION = 1
 TOP = f"version: {VERSION}, scene, wall, views"
@@ -190,6 +191,20 @@ def with_integrator(loaded: Loaded, method: str) -> Loaded:
         view if keeps else view.model_copy(update={"integrator": None}) for view, keeps in zip(views, kept, strict=True)
     )
     return loaded.with_config(loaded.config.model_copy(update={"scene": scene, "views": tuple(others)}))
+
+
+def with_tone(loaded: Loaded, exposure: float | None, tone_mapping: str | None) -> Loaded:
+    """The same wall, all of its views exposed and mapped so; None: as configured. Raises ConfigError."""
+    if exposure is not None and not -MOST_STOPS <= exposure <= MOST_STOPS:
+        raise ConfigError(f"--exposure {exposure:g}: accepted: stops from -{MOST_STOPS:g} to {MOST_STOPS:g}")
+    if tone_mapping not in (None, *TONE_MAPPINGS):
+        accepted = ", ".join(TONE_MAPPINGS)
+        near = nearest(str(tone_mapping), TONE_MAPPINGS)
+        raise ConfigError(f"--tone-mapping {tone_mapping}: is not known; accepted: {accepted}{near}")
+    given = {"exposure": exposure, "tone_mapping": tone_mapping}
+    update = {key: value for key, value in given.items() if value is not None}
+    views = tuple(view.model_copy(update=update) for view in loaded.config.views)
+    return loaded.with_config(loaded.config.model_copy(update={"views": views}))
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -161,6 +161,11 @@ class BrowserConfig(Model):
         description="who may steer by the page's address may also load other configurations, which can name any file",
     )
 
+    choices: Flag = Field(
+        default=True,
+        description="who may steer may choose another configuration or model of the run's folder, or a built-in scene",
+    )
+
     @property
     def tokens(self) -> bool:
         """Whether the page asks for a token."""

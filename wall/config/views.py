@@ -27,6 +27,7 @@ from wall.core.fields import (
     check_times,
     refusal,
 )
+from wall.core.tone_mapping import ToneMapping
 
 DEFAULT_FOV_DEGREES = 45.0
 ROUNDED = 1.0 + 1e-9  # shares that were worked out are not exact
@@ -240,6 +241,11 @@ class ViewConfig(Model):
     )
     exposure: Annotated[Number, Ge(-MOST_STOPS), Le(MOST_STOPS)] = Field(
         default=0.0, description="stops: light times 2^exposure is shown"
+    )
+    tone_mapping: ToneMapping = Field(
+        default="none",
+        description="how exposed light becomes what is shown. none: as it is, clipped at white; khronos_neutral: "
+        "colours stay, highlights go to white softly; aces: filmic; reinhard: x / (1 + x)",
     )
     sampling: SamplingConfig | None = Field(default=None, description="replaces the top-level sampling for this view")
     integrator: IntegratorConfig | None = Field(

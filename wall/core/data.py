@@ -13,6 +13,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.core.tone_mapping import Tone
+
 Float32: TypeAlias = NDArray[np.float32]
 Float64: TypeAlias = NDArray[np.float64]
 Samples: TypeAlias = NDArray[np.void]
@@ -228,6 +230,12 @@ class Event:
     statistics: bool = False  # a viewer shows an overlay: compositors make statistics images
     edits: Edits = NO_EDITS  # of the scene
     exposure: float = 0.0  # stops: light times 2^exposure is shown. Of the picture alone, no sample depends on it
+    tone_mapping: str = "none"  # the curve of the picture, see core.tone_mapping
+
+    @property
+    def tone(self) -> Tone:
+        """How the picture is exposed and mapped."""
+        return Tone(self.exposure, self.tone_mapping)
 
     @property
     def number(self) -> tuple[int, int]:

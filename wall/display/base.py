@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32, StatisticsImage
+from wall.core.tone_mapping import Tone
 
 if TYPE_CHECKING:
     from wall.geometry.panels import Wall
@@ -41,7 +42,7 @@ class PanelSamples:
     panel: int  # index in WallImage.panels
     pixels: NDArray[np.int64]  # (n,) y * width + x, each once
     radiance: Float32  # (n, 3) linear RGB; what its pixel shows, where a sampler averages several samples
-    stops: float  # exposure of the image
+    tone: Tone  # of the image
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +127,7 @@ class ParameterState:
     unit: str
     default: tuple[float, ...]  # the configuration's
     value: tuple[float, ...]
+    choices: tuple[str, ...] = ()  # names of the numbers 0, 1, ... of a `choice`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,6 +221,24 @@ class LaysOut(Sink, Protocol):
         self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace]
     ) -> None:
         """Tell these from now on; the panels are those of before."""
+
+
+class Choices(Protocol):
+    """What viewers may show instead, by name."""
+
+    names: tuple[str, ...]
+    shown: str  # of them; "": none
+
+    def load(self, name: str) -> tuple[str, str]:
+        """The text of its configuration, and the path of its file. Raises EditError."""
+
+
+@runtime_checkable
+class Offers(Sink, Protocol):
+    """A sink whose viewers may choose what is shown."""
+
+    def offer(self, choices: Choices) -> None:
+        """Offer these from now on. Any thread may call."""
 
 
 @runtime_checkable

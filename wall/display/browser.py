@@ -19,7 +19,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError
-from wall.display.base import Answer, Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
+from wall.display.base import Answer, Choices, Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.gate import Pace
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
 from wall.display.page_files import page_file, table_of
@@ -31,6 +31,7 @@ from wall.display.server import LEAVE_S, NOBODY, THIS_MACHINE, Server
 from wall.display.steering import MAX_LOAD_BYTES, MAX_MESSAGE_BYTES, MAX_REQUEST_BYTES, parse_message
 from wall.display.stream import (
     WATCHING,
+    choices_message,
     handles_message,
     image_message,
     layout_message,
@@ -61,6 +62,7 @@ class _Viewer:
     in_flight: deque[int] = field(default_factory=deque)  # numbers of images sent, not yet drawn
     number: int = 0
     layout: str = ""  # as last sent
+    choices: Choices | None = None  # as last sent
     told: tuple[object, ...] = ()  # of the status, as last sent
     status_due: float = 0.0
     overlay: str = ""  # one of OVERLAYS
@@ -159,6 +161,11 @@ class Browser:
     ) -> None:
         """Tell all viewers where panels, insets, views, images are from now on; the panels are those of before."""
         self._layout, self._wall = layout_message(wall, views, why_images, images), wall
+        self._server.call(self._wake_viewers)
+
+    def offer(self, choices: Choices) -> None:
+        """Let those who steer choose what is shown. Any thread may call."""
+        self._requests.choices = choices
         self._server.call(self._wake_viewers)
 
     def commands(self) -> list[dict[str, Any]]:
@@ -280,6 +287,7 @@ class Browser:
         await viewer.requests.acquire()
         number, own = self._requests.take(viewer, message)
         refused = self._requests.why_not(message, size, steers=viewer.steers)
+        own, refused = (own, refused) if refused else self._requests.chosen(own)
         if refused:
             self._counters["browser_watcher_refused" if not viewer.steers else "browser_request_refused"] += 1
         elif len(self._commands) >= MAX_COMMANDS:
@@ -318,6 +326,9 @@ class Browser:
                     await viewer.socket.send_str(viewer.layout)
                     if not viewer.steers:
                         await viewer.socket.send_str(WATCHING)
+                if viewer.choices is not (choices := self._requests.choices) and viewer.steers:
+                    viewer.choices = choices
+                    await viewer.socket.send_str(choices_message(choices))
                 if self._newest is not None and viewer.shows:
                     await self._send(viewer, *self._newest)
                 with contextlib.suppress(TimeoutError):

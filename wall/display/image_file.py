@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,10 @@ from PIL import Image
 
 from wall.core.colour import srgb_codes
 from wall.core.data import Float32
+from wall.core.tone_mapping import AS_IT_IS, Tone, tone_mapped
 from wall.display.files import check_target, replaced
+
+Over: TypeAlias = Callable[[NDArray[Any]], None]
 
 SUFFIXES = (".png", ".exr", ".npy")
 CHANNELS = {  # of layers in an EXR, as renderers name them
@@ -30,21 +33,30 @@ def check_suffix(path: Path, *, layers: bool = False) -> None:
     check_target(path, (".exr",) if layers else SUFFIXES)
 
 
-def display_values(linear: Float32, *, stops: float = 0.0) -> NDArray[np.uint8]:
-    """8-bit sRGB (IEC 61966-2-1) of linear light, exposed by so many stops and clipped to 0..1; the same shape."""
-    return srgb_codes(2.0**stops * linear.astype(np.float64))
+def display_values(linear: Float32, *, tone: Tone = AS_IT_IS) -> NDArray[np.uint8]:
+    """8-bit sRGB (IEC 61966-2-1) of linear light (..., 3), exposed, mapped and clipped to 0..1; the same shape."""
+    exposed = 2.0**tone.stops * linear.astype(np.float64)
+    return srgb_codes(exposed if tone.mapping == "none" else tone_mapped(exposed, tone.mapping))
 
 
-def write_image(path: Path, image: Float32, *, stops: float = 0.0) -> None:
-    """Write (h, w, 3) float32 linear RGB: EXR and NPY as it is, PNG as display values, exposed. Raises RunError."""
+def write_image(path: Path, image: Float32, *, tone: Tone = AS_IT_IS, over: Over | None = None) -> None:
+    """Write (h, w, 3) float32 linear RGB: EXR and NPY as it is, PNG as display values, exposed. Raises RunError.
+
+    over : draws over what is written, float32 light or uint8 display values
+    """
     check_suffix(path)
+    shown = path.suffix.lower() not in (".npy", ".exr")
+    pixels: NDArray[Any] = display_values(image, tone=tone) if shown else image
+    if over is not None:
+        pixels = pixels.copy()
+        over(pixels)
     with replaced(path) as part:
         if path.suffix.lower() == ".npy":
-            np.save(part, image)
+            np.save(part, pixels)
         elif path.suffix.lower() == ".exr":
-            _write_exr(part, {"RGB": np.ascontiguousarray(image)})
+            _write_exr(part, {"RGB": np.ascontiguousarray(pixels)})
         else:
-            Image.fromarray(display_values(image, stops=stops)).save(part)
+            Image.fromarray(pixels).save(part)
 
 
 def write_layers(path: Path, layers: Mapping[str, NDArray[Any]]) -> None:

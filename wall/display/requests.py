@@ -10,10 +10,12 @@ import json
 from collections.abc import Mapping
 from typing import Any, Generic, TypeVar
 
-from wall.display.base import Answer
+from wall.core.errors import EditError
+from wall.display.base import Answer, Choices
 from wall.display.steering import MAX_REQUEST_BYTES
 
 V = TypeVar("V")  # a viewer
+CHOOSE = "choose"
 LOAD = "load"  # the kind that may be longer than MAX_REQUEST_BYTES
 WATCHES = "this address lets watch, not change anything"
 NAME_FILES = (LOAD, "edit")  # kinds whose configuration may name any file that the wall's machines can read
@@ -26,6 +28,7 @@ class Requests(Generic[V]):
     def __init__(self, *, loads: bool) -> None:
         """`loads`: whether configurations are taken."""
         self._numbers, self._loads = itertools.count(1), loads
+        self.choices: Choices | None = None
         self._open: dict[int, tuple[V, dict[str, Any]]] = {}
 
     def take(self, viewer: V, message: dict[str, Any]) -> tuple[int, dict[str, Any]]:
@@ -43,6 +46,19 @@ class Requests(Generic[V]):
         if message["kind"] == LOAD:
             return ""
         return "" if size <= MAX_REQUEST_BYTES else f"{size} characters at once: want at most {MAX_REQUEST_BYTES}"
+
+    def chosen(self, message: dict[str, Any]) -> tuple[dict[str, Any], str]:
+        """A request as the run takes it: with the text of what is chosen by its name; and why that cannot be, or ""."""
+        if message["kind"] != CHOOSE:
+            return message, ""
+        name = message.get("name")
+        if self.choices is None or not isinstance(name, str) or message.keys() != {"kind", "id", "name"}:
+            return message, "choose: want a `name`, where this wall offers any"
+        try:
+            text, path = self.choices.load(name)
+        except EditError as error:
+            return message, str(error)
+        return {"kind": LOAD, "id": message["id"], "text": text, "path": path}, ""
 
     def answered(self, number: int, answer: Answer) -> tuple[V, str] | None:
         """Whom to tell, and what; None for a number that nobody waits for."""

@@ -25,7 +25,7 @@ from PIL import Image
 
 from wall.config.displays import ColourConfig
 from wall.core.data import StatisticsImage
-from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
+from wall.display.base import Choices, Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
 from wall.display.sample_store import Samples
 from wall.display.steering import OVERLAYS
 from wall.display.tiles import packed
@@ -35,8 +35,8 @@ from wall.operators.lut import Lut
 HEADER = struct.Struct("<2sBBHHHHII")  # "WP", format, compared, panel, width, height, tiles, version, image number
 STATISTICS_HEADER = struct.Struct("<2sBBHBxHHI")  # "WS", format, compared, panel, overlay, rows, columns, rectangles
 SAMPLES_HEADER = struct.Struct("<2sBBHHHxxII")  # "WN", format, 0, panel, width, height, version, image number
-SAMPLES_COUNTS = struct.Struct("<fII")  # gain, samples, bytes of their pixels
 TABLE_HEADER = struct.Struct("<I3f3f")  # nodes along an edge, colours of the first and the last node
+SAMPLES_COUNTS = struct.Struct("<fBxxxII")  # gain, tone mapping, samples, bytes of their pixels
 FORMAT = 3
 QUALITY = 88  # JPEG with full colour: 0.5 ms and 40 kB for 480x270, no visible blocks
 MOST_TILES = 65_535  # that one message can number
@@ -93,7 +93,7 @@ def encode_samples(samples: Samples, *, whole: bool) -> bytes:
     coded = np.full(0 if whole or not len(ends) else int(ends[-1]) + 1, MORE, np.uint8)
     if len(coded):
         coded[ends] = steps - MORE * longer
-    counts = SAMPLES_COUNTS.pack(samples.gain, len(samples.pixels), len(coded))
+    counts = SAMPLES_COUNTS.pack(samples.tone.gain, samples.tone.code, len(samples.pixels), len(coded))
     return zlib.compress(counts + samples.light.astype("<u2", copy=False).tobytes() + coded.tobytes(), level=1)
 
 
@@ -190,6 +190,12 @@ def table_bytes(table: Lut) -> bytes:
     """A 3D table as a page gets it: TABLE_HEADER, then (blue, green, red, 3) float32."""
     header = TABLE_HEADER.pack(len(table.table), *table.low.tolist(), *table.high.tolist())
     return header + np.ascontiguousarray(table.table, "<f4").tobytes()
+
+
+def choices_message(choices: Choices | None) -> str:
+    """What viewers may show instead."""
+    names, shown = ((), "") if choices is None else (choices.names, choices.shown)
+    return json.dumps({"kind": "choices", "names": names, "shown": shown})
 
 
 def status_message(status: Status, **more: Any) -> str:

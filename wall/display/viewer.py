@@ -80,7 +80,7 @@ async def _watch(address: str, display: str, seconds: float, drawing_s: float) -
                 got.bytes += len(message.data)
                 got.images += left == 0
                 if message.data[:2] == b"WN":
-                    got.samples += SAMPLES_COUNTS.unpack_from(zlib.decompress(message.data[SAMPLES_HEADER.size :]))[1]
+                    got.samples += SAMPLES_COUNTS.unpack_from(zlib.decompress(message.data[SAMPLES_HEADER.size :]))[2]
             if left == 0:
                 await asyncio.sleep(drawing_s)
                 await connection.send_json({"kind": "shown", "number": number})

@@ -198,7 +198,7 @@ def _scattered(loaded: Loaded, wall: Wall) -> Iterator[str]:
 def _tilted(loaded: Loaded, wall: Wall) -> Iterator[str]:
     for k, view in enumerate(loaded.config.views):
         up = view.camera.up
-        if up[1] >= LEVEL * math.hypot(*up) or _looks_along_y(view.camera):
+        if up[1] >= LEVEL * math.hypot(*up) or _looks_down(view.camera):
             continue
         longest = max(range(3), key=lambda axis: abs(up[axis]))
         letter = "-" * (up[longest] < 0.0) + "xyz"[longest]
@@ -209,12 +209,15 @@ def _tilted(loaded: Loaded, wall: Wall) -> Iterator[str]:
         yield str(loaded.error(("views", k, "camera", "up"), said))
 
 
-def _looks_along_y(camera: CameraConfig) -> bool:
-    """Whether a camera looks down, as on a map, or up: then y cannot be up in its image."""
+def _looks_down(camera: CameraConfig) -> bool:
+    """Whether a camera looks down, as on a map: then y cannot be up in its image.
+
+    Not one that looks along +y: that is how a world of z up is seen from its front.
+    """
     if camera.position is None or camera.target is None:
         return False
     way = [b - a for a, b in zip(camera.position, camera.target, strict=True)]
-    return abs(way[1]) > LEVEL * math.hypot(*way)
+    return -way[1] > LEVEL * math.hypot(*way)
 
 
 Question = Callable[[Loaded, Wall], Iterator[str]]

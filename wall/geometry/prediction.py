@@ -105,7 +105,7 @@ class Predictor:
         if camera == event.camera and ahead == 0.0:
             return event
         scene_time, last = event.scene_time + ahead, self._predicted
-        known = last is not None and (last.edits, last.exposure) == (event.edits, event.exposure)
+        known = last is not None and (last.edits, last.tone) == (event.edits, event.tone)
         if last is None or not known or (last.camera, last.scene_time) != (camera, scene_time):
             self._count += 1
             number = -1 - self._count

@@ -17,6 +17,7 @@ from typing import Any, TypeAlias
 
 from wall.core.data import Event, StatisticsImage
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
+from wall.core.tone_mapping import TONE_MAPPINGS
 from wall.packets.edits import edits_body, parse_edits
 from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, camera_of, is_plain, parse_part, part_head, pose_numbers
@@ -26,7 +27,7 @@ from wall.packets.notes import LEVELS, Note
 from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 18
+MAGIC, VERSION = b"WALL", 19
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
@@ -41,7 +42,7 @@ _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
 KIND_AT = 5  # byte of the header
-_EVENT = struct.Struct("<HQQdd3d9d3fB31p31pBdQ")  # then the edits
+_EVENT = struct.Struct("<HQQdd3d9d3fB31p31pBdBQ")  # then the edits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -341,14 +342,14 @@ def _event_body(event: Event) -> bytes:
     return _EVENT.pack(
         event.view, event.camera_event, event.scene_event, event.scene_time, event.input_time,
         *pose_numbers(event.camera), event.paused, sampler, compare,
-        event.statistics, event.exposure, event.edits.number,
+        event.statistics, event.exposure, event.tone.code, event.edits.number,
     ) + edits_body(event.edits)  # fmt: skip
 
 
 def _parse_event(body: bytes) -> Event:
     if len(body) < _EVENT.size:
         raise RemoteProtocolError(f"an event of {len(body)} bytes; it has at least {_EVENT.size}")
-    *before, paused, sampler, compare, statistics, stops, edit = _EVENT.unpack_from(body)
+    *before, paused, sampler, compare, statistics, stops, mapping, edit = _EVENT.unpack_from(body)
     view, camera_event, scene_event, scene_time, input_time, *pose = before
     if not all(map(math.isfinite, (scene_time, input_time, stops, *pose))) or max(paused, statistics) > 1:
         raise RemoteProtocolError(
@@ -357,6 +358,8 @@ def _parse_event(body: bytes) -> Event:
         )
     if max(camera_event, scene_event, edit) > MAX_EVENT:
         raise RemoteProtocolError(f"event {camera_event}/{scene_event}, edit {edit}: above {MAX_EVENT}")
+    if mapping >= len(TONE_MAPPINGS):
+        raise RemoteProtocolError(f"event {camera_event}/{scene_event}: no tone mapping has the number {mapping}")
     try:
         names = sampler.decode(), compare.decode()
     except UnicodeDecodeError as error:
@@ -364,7 +367,8 @@ def _parse_event(body: bytes) -> Event:
     return Event(
         view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=input_time,
         camera=camera_of(pose), sampler=names[0], paused=bool(paused),
-        compare=names[1], statistics=bool(statistics), exposure=stops, edits=parse_edits(edit, body[_EVENT.size :]),
+        compare=names[1], statistics=bool(statistics), exposure=stops, tone_mapping=TONE_MAPPINGS[mapping],
+        edits=parse_edits(edit, body[_EVENT.size :]),
     )  # fmt: skip
 
 

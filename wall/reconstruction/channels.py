@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Channels, Event, Float32, Float64, Framelet, Rect, Samples
+from wall.core.kernels.tone_mapping import NONE, map_tiles
+from wall.core.tone_mapping import AS_IT_IS, Tone, tone_mapped
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
 from wall.reconstruction.choice import LayerReconstruction
-from wall.reconstruction.display_values import gain_of, update_display
+from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.kernels import channels as kernels
 from wall.reconstruction.reconstruction import Reconstruction
@@ -28,15 +30,22 @@ def blank_framelet(panel: Panel, channels: Channels, *, encoded: bool, order: in
 
 
 def show_newest(
-    buffer: PixelBuffer, dirty: NDArray[np.bool_], transparent: bool, out: Framelet, *, stops: float = 0.0
+    buffer: PixelBuffer, dirty: NDArray[np.bool_], transparent: bool, out: Framelet, *, tone: Tone = AS_IT_IS
 ) -> None:
-    """Bring the dirty tiles of `out` to what each pixel's newest sample shows, exposed by so many stops."""
+    """Bring the dirty tiles of `out` to what each pixel's newest sample shows, exposed and mapped by `tone`."""
     if out.encoded:
-        update_display(buffer.radiance, dirty, TILE, out.colour, stops=stops)
+        update_display(buffer.radiance, dirty, TILE, out.colour, tone=tone)
     kernels.channels_of_records(
-        buffer.records, dirty, out.time_origin, transparent, gain_of(stops), None if out.encoded else out.colour,
+        buffer.records, dirty, out.time_origin, transparent, tone.gain, None if out.encoded else out.colour,
         out.depth, out.alpha, out.time, out.object_id,
     )  # fmt: skip
+    _map_tones(out, dirty, tone)
+
+
+def _map_tones(out: Framelet, dirty: NDArray[np.bool_], tone: Tone) -> None:
+    """Map the dirty tiles of exposed light; display bytes are made of mapped light already."""
+    if tone.code != NONE and not out.encoded:
+        map_tiles(out.colour, out.alpha, dirty, TILE, tone.code)
 
 
 class Coverage:
@@ -77,17 +86,19 @@ class Coverage:
 
 def show_reprojected(
     image: LayerReconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, *,
-    stops: float = 0.0,
+    tone: Tone = AS_IT_IS,
 ) -> None:  # fmt: skip
-    """Bring the dirty tiles of `out` to an image of reprojected samples, exposed by so many stops.
+    """Bring the dirty tiles of `out` to an image of reprojected samples, exposed and mapped by `tone`.
 
     Of an image on a GPU only the channels of `out` travel. Raises GpuError if the GPU is lost.
     """
     covers = None if coverage is None else coverage.image
     if isinstance(image, GpuReconstruction) and image.on_gpu and _stays(covers):
-        image.write_channels(covers, out, stops=stops)
+        image.write_channels(covers, out, tone=tone)
+        dirty = np.ones_like(dirty)  # all of it is light again
     else:
-        _show_tiles(image, coverage, dirty, out, stops)
+        _show_tiles(image, coverage, dirty, out, tone)
+    _map_tones(out, dirty, tone)
     surfaces = image.surfaces if isinstance(image, Reconstruction) else None  # those of paths
     if surfaces is not None and out.albedo is not None and out.normal is not None:
         surfaces.write(out.albedo, out.normal)
@@ -101,13 +112,13 @@ def _stays(covers: LayerReconstruction | None) -> TypeGuard[GpuReconstruction | 
 
 
 def _show_tiles(
-    image: LayerReconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, stops: float
+    image: LayerReconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, tone: Tone
 ) -> None:
     """Bring the dirty tiles of colour, depth, object id and alpha up to date, on the CPU."""
     if out.encoded:
-        image.display(dirty, out.colour, stops=stops)
+        image.display(dirty, out.colour, tone=tone)
     else:
-        kernels.copy_tiles(image.radiance, dirty, gain_of(stops), out.colour)
+        kernels.copy_tiles(image.radiance, dirty, tone.gain, out.colour)
     if out.channels & {"depth", "object_id", "alpha"}:
         pose, covered = image.pose, None if coverage is None else coverage.radiance
         depth = out.depth if out.depth is not None else np.empty(out.colour.shape[:2], np.float32)
@@ -123,14 +134,14 @@ def show_sky(
     corner: Float64,
     out: Framelet,
     *,
-    stops: float = 0.0,
+    tone: Tone = AS_IT_IS,
     strength: float | None = None,
 ) -> None:
-    """Bring a framelet to the sky, or the environment, that its pixels see, exposed by so many stops.
+    """Bring a framelet to the sky, or the environment, that its pixels see, exposed and mapped by `tone`.
 
     strength : of the environment; None: as configured
     """
-    gain = 2.0**stops
+    gain = 2.0**tone.stops
     linear = out.colour if not out.encoded else np.empty(out.colour.shape, np.float32)
     if environment is not None:
         environment_of_panel(pose_frame, corner, environment.texels, environment.middle, linear)
@@ -138,6 +149,8 @@ def show_sky(
     else:
         colours = [gain * np.array(c, np.float64) for c in (sky.zenith, sky.horizon, sky.ground)]
         kernels.sky_of_panel(pose_frame, corner, *colours, linear)
+    if tone.code != NONE:
+        linear[...] = tone_mapped(linear, tone.mapping)
     if out.encoded:
         rows, columns = -(-linear.shape[0] // TILE), -(-linear.shape[1] // TILE)
         update_display(linear, np.ones((rows, columns), np.bool_), TILE, out.colour)

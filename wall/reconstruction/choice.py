@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
+from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
 from wall.reconstruction.gpu.device import GpuError, device, gpu_nodes
@@ -47,8 +48,8 @@ class AnyReconstruction(Protocol):
     def take_dirty(self) -> NDArray[np.bool_]:
         """Returns the tiles that changed since the last call, as a mask, and resets them."""
 
-    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
-        """Redoes the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed by so many stops."""
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, tone: Tone = AS_IT_IS) -> None:
+        """Redoes the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed and mapped."""
 
     def stored(self) -> StoredSamples:
         """Returns the stored samples."""

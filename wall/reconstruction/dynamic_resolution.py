@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Camera, Event, Float32, Float64, Rect, Samples
 from wall.core.threads import Threads
+from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.pixel_buffer import TILE
@@ -163,13 +164,13 @@ class DynamicResolution:
         rescaled, self._rescaled = self._rescaled, False
         return (self._enlarger().tiles(dirty) if self.scale > 1 else dirty) | rescaled
 
-    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
-        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed by so many stops."""
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, tone: Tone = AS_IT_IS) -> None:
+        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed and mapped."""
         if self.scale == 1:
-            self.current.display(dirty, rgb, stops=stops)
+            self.current.display(dirty, rgb, tone=tone)
             return
         enlarger, everything = self._enlarger(), np.ones_like(self.current.buffer.history.dirty)
-        update_display(self.current.radiance, everything, TILE, enlarger.codes, stops=stops)
+        update_display(self.current.radiance, everything, TILE, enlarger.codes, tone=tone)
 
         def update(top: int, bottom: int) -> None:
             enlarger.display(dirty, rgb, top, bottom)

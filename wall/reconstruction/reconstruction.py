@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.core.threads import Threads
+from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.deep_buffer import (
     SAMPLES_PER_PIXEL,
     DeepBuffer,
@@ -219,12 +220,12 @@ class Reconstruction:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
         return take_dirty(self.buffer.history)
 
-    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
-        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed by so many stops."""
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, tone: Tone = AS_IT_IS) -> None:
+        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed and mapped."""
 
         def update(top: int, bottom: int) -> None:
             rows = slice(top // TILE, -(-bottom // TILE))
-            update_display(self.radiance[top:bottom], dirty[rows], TILE, rgb[top:bottom], stops=stops)
+            update_display(self.radiance[top:bottom], dirty[rows], TILE, rgb[top:bottom], tone=tone)
 
         self._threads.share(self.rect.height, update, unit=TILE)
 

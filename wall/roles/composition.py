@@ -226,7 +226,7 @@ class Composition:
         fresh |= {step: sky.refresh(event, now) for step, sky in self._skies.items() if sky.view == event.view}
         if self._compared is not None:
             seconds = [
-                (layer, layer.compared.refresh(now, event.exposure)) for layer in layers if layer.compared is not None
+                (layer, layer.compared.refresh(now, event.tone)) for layer in layers if layer.compared is not None
             ]
             self._compared.step(self._regions_of(seconds), event, now, force=force)
         return self._nodes.step(fresh, event, now, force=force)

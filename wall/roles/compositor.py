@@ -14,6 +14,7 @@ from dataclasses import asdict, replace
 from wall.config.graph import SinkNode
 from wall.core.data import Edits, Event, StatisticsImage
 from wall.core.errors import RemoteProtocolError
+from wall.core.tone_mapping import Tone
 from wall.display.base import ParameterState, Status, WallImage
 from wall.operators.overlay import Overlay
 from wall.packets.control import Assignment, Heartbeat, Hello, Membership, Selection, Statistics, Stop, WindowInput
@@ -78,7 +79,7 @@ class Compositor:
         self._beats: dict[int, Heartbeat] = {}  # at the head: the newest of every rank
         self._ending: WindowInput | None = None  # the newest by which a user ends the run at this rank's windows
         self._parameters = shown_parameters(plan) if hello.rank == HEAD else {}
-        self._states: tuple[tuple[float, Edits, float], tuple[ParameterState, ...]] | None = None
+        self._states: tuple[tuple[float, Edits, Tone], tuple[ParameterState, ...]] | None = None
         self._handles: HandlesMaker | None = None  # of what is selected
         self._selection = Selection()
         self._notes: deque[tuple[float, str]] = deque(maxlen=SHOWN_NOTES)  # when they came
@@ -264,9 +265,9 @@ class Compositor:
     def _states_under(self, event: Event) -> tuple[ParameterState, ...]:
         """Every parameter as it is: the same object while none changes."""
         time = event.scene_time if self._plan.scene.parameter_tracks else 0.0
-        if self._states is None or self._states[0] != (time, event.edits, event.exposure):
-            states = states_of(self._plan, self._parameters, time, event.edits, event.exposure)
-            self._states = (time, event.edits, event.exposure), states
+        if self._states is None or self._states[0] != (time, event.edits, event.tone):
+            states = states_of(self._plan, self._parameters, time, event.edits, event.tone)
+            self._states = (time, event.edits, event.tone), states
         return self._states[1]
 
     def _images(self, event: Event, now: float) -> tuple[WallImage, ...]:

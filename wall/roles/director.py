@@ -6,14 +6,16 @@ Rendering on Multi-Core Processor Systems").
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from wall.core.data import NO_EDITS, Camera, Edits, Event
 from wall.geometry.steering import Command, Steering
-from wall.roles.plan import Plan, exposure_at, first_event
+from wall.roles.plan import Plan, first_event
 from wall.roles.status import samplers_of
+from wall.roles.tone import NO_PICTURE, tone_at
 from wall.roles.tracking import Tracker
+from wall.scene.parameters import Numbers
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own image
 
@@ -59,11 +61,13 @@ class Director:
             self.sampler = before.sampler
         self.event = replace(self.event, camera=self.wall_camera(), scene_time=self.time, paused=self.paused)
 
-    def update(self, commands: list[Command], now: float, edits: Edits = NO_EDITS, stops: float | None = None) -> bool:
+    def update(
+        self, commands: list[Command], now: float, edits: Edits = NO_EDITS, picture: Mapping[str, Numbers] = NO_PICTURE
+    ) -> bool:
         """Apply what came in until `now`, with the edits of the scene. Returns whether there is a new event.
 
-        `stops`: exposure; None leaves that to the configuration. It makes a new event of the same number, and so do
-        edits that are not of the scene.
+        `picture`: edits of exposure and tone mapping. They make a new event of the same number, and so do others that
+        are not of the scene.
         """
         if not self._paused:
             self._own_time += now - self._last
@@ -75,12 +79,12 @@ class Director:
         old = self.event
         sampler = COMPARED_WITH if self.compare else self.sampler
         turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
-        exposure = exposure_at(self._plan, scene_time, view=self.view) if stops is None else stops
+        tone = tone_at(self._plan, scene_time, picture, view=self.view)
         moved = scene_time != old.scene_time or edits.of_scene != old.edits.of_scene
         if self._plan.layout.graph.sync != "none":
-            moved |= exposure != old.exposure  # every change is a frame
-        flags = self.paused, self.statistics, exposure, edits.number
-        if not turned and not moved and flags == (old.paused, old.statistics, old.exposure, old.edits.number):
+            moved |= tone != old.tone  # every change is a frame
+        flags = self.paused, self.statistics, tone, edits.number
+        if not turned and not moved and flags == (old.paused, old.statistics, old.tone, old.edits.number):
             return False
         self.event = Event(
             view=self.view,
@@ -94,7 +98,8 @@ class Director:
             compare=self.compare,
             statistics=self.statistics,
             edits=edits,
-            exposure=exposure,
+            exposure=tone.stops,
+            tone_mapping=tone.mapping,
         )
         return True
 

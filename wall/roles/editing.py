@@ -19,6 +19,7 @@ from typing import Any, TypeAlias
 from wall.config.sampling import LARGEST_STAGE, ProgressiveSampling
 from wall.core.data import MOST_SAMPLES, NO_EDITS, Edits, Event
 from wall.core.errors import EditError
+from wall.core.tone_mapping import Tone
 from wall.display.base import ParameterState
 from wall.geometry.steering import Command
 from wall.packets.control import ALL_BUT_OBJECTS, MAX_ANSWER_BYTES, EditAnswer, EditRequest
@@ -26,9 +27,10 @@ from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.packets.joining import JoinRequest
 from wall.roles.clicks import Clicks
 from wall.roles.node_settings import all_parameters, one_gesture
-from wall.roles.plan import Plan, exposure_at
+from wall.roles.plan import Plan
+from wall.roles.tone import tone_at
 from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
-from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named
+from wall.scene.parameters import EXPOSURE, FOCUS, OF_THE_PICTURE, TONE_MAPPING, Numbers, Parameter, named
 
 Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
 
@@ -41,18 +43,18 @@ ROWS_BYTES = MAX_ANSWER_BYTES - 16384  # of the parameters that an answer lists
 
 
 class Editor:
-    """The state of all edits of a run: `edits` of the scene, `exposure` of the picture."""
+    """The state of all edits of a run: `edits` of the scene, `picture`: exposure and tone mapping of it alone."""
 
     def __init__(self, plan: Plan, *, key: str = "") -> None:
         """`key`: what requests of other processes have to bring; "" refuses all of them."""
         self._plan, self._key = plan, key
         self.parameters = editable(plan)
         self.edits = NO_EDITS
-        self.stops: float | None = None  # of the picture; None: as configured
+        self.picture: dict[str, Numbers] = {}  # what is not as configured
         self.counters = Counter[str]()
         self.clicks = Clicks(plan)
         self._count = 0  # edits so far, of the scene or not
-        self._undoable = deque[tuple[Values, float | None]](maxlen=MOST_UNDONE)  # states before edits
+        self._undoable = deque[tuple[Values, dict[str, Numbers]]](maxlen=MOST_UNDONE)  # states before edits
         self._newest: tuple[frozenset[str], float] = (frozenset(), -math.inf)  # which parameters, when
         self._answered = dict[int, EditAnswer]()  # the newest of each client
 
@@ -93,29 +95,27 @@ class Editor:
 
         `now`: seconds; what follows at once on the same parameters is undone with it.
         """
-        values, stops, scene_changes = dict(self.edits.values), self.stops, False
+        values, picture, scene_changes = dict(self.edits.values), dict(self.picture), False
         for name, value in assignments:
             parameter = named(self.parameters, name)
             numbers = None if value is None else parameter.checked(value)
-            if name == EXPOSURE:
-                stops = None if numbers is None else numbers[0]
-                continue
-            before = values.pop(name, None)
+            changed = picture if name in OF_THE_PICTURE else values
+            before = changed.pop(name, None)
             if numbers is not None:
-                values[name] = numbers
-            scene_changes |= numbers != before
+                changed[name] = numbers
+            scene_changes |= changed is values and numbers != before
         new = self.edits
         if scene_changes:
             new = Edits(self._count + 1, tuple(sorted(values.items())))
             if not fits(new):
                 raise EditError(f"{len(values)} parameters are changed already: no event has room for more")
-        if scene_changes or stops != self.stops:
+        if scene_changes or picture != self.picture:
             names, (last_names, last) = frozenset(one_gesture(name) for name, _ in assignments), self._newest
             if names != last_names or now - last > ONE_EDIT_S:
-                self._undoable.append((self.edits.values, self.stops))
+                self._undoable.append((self.edits.values, self.picture))
             self._newest = names, now
             self._count += 1
-        self.edits, self.stops = new, stops
+        self.edits, self.picture = new, picture
 
     def apply(self, command: Command, events: Sequence[Event], now: float) -> bool:
         """Do what a viewer's command edits, `events` being shown. Returns whether it edits. Raises EditError."""
@@ -136,20 +136,20 @@ class Editor:
         if not self._undoable:
             raise EditError("there is no edit to undo")
         for _ in range(min(steps, len(self._undoable))):
-            values, self.stops = self._undoable.pop()
+            values, self.picture = self._undoable.pop()
         self._count += 1
         self._newest = (frozenset(), -math.inf)
         if values != self.edits.values:
             self.edits = Edits(self._count, values)
 
-    def exposure(self, scene_time: float) -> float:
-        """Stops at a scene time in seconds."""
-        return exposure_at(self._plan, scene_time, self.edits) if self.stops is None else self.stops
+    def tone(self, scene_time: float) -> Tone:
+        """How the picture is shown at a scene time in seconds."""
+        return tone_at(self._plan, scene_time, self.picture)
 
     def expose(self, more: float, scene_time: float, now: float = 0.0) -> None:
         """Add stops to the exposure, within its range; `now` as in `set`."""
         range_of = self.parameters[EXPOSURE]
-        stops = round(self.exposure(scene_time) + more, 6)
+        stops = round(self.tone(scene_time).stops + more, 6)
         self.set([(EXPOSURE, min(max(stops, range_of.low), range_of.high))], now)
 
     def focus(self, events: Sequence[Event], x: float, y: float) -> None:
@@ -197,7 +197,7 @@ class Editor:
     def states(self, scene_time: float, wanted: Mapping[str, Parameter] | None = None) -> tuple[ParameterState, ...]:
         """Parameters as they are at a scene time in seconds; `wanted`: None: all."""
         parameters = self.parameters if wanted is None else wanted
-        return states_of(self._plan, parameters, scene_time, self.edits, self.exposure(scene_time))
+        return states_of(self._plan, parameters, scene_time, self.edits, self.tone(scene_time))
 
 
 def editable(plan: Plan) -> dict[str, Parameter]:
@@ -221,14 +221,14 @@ def shown_parameters(plan: Plan, selected: Sequence[str] = ()) -> dict[str, Para
 
 
 def states_of(
-    plan: Plan, parameters: Mapping[str, Parameter], scene_time: float, edits: Edits, exposure: float
+    plan: Plan, parameters: Mapping[str, Parameter], scene_time: float, edits: Edits, tone: Tone
 ) -> tuple[ParameterState, ...]:
-    """Every parameter as it is under some edits at a scene time in seconds, the picture exposed by so many stops."""
-    values = plan.scene.values(scene_time, edits) | {EXPOSURE: (exposure,)}
+    """Every parameter as it is under some edits at a scene time in seconds, and the picture shown as `tone` says."""
+    values = plan.scene.values(scene_time, edits) | {EXPOSURE: (tone.stops,), TONE_MAPPING: (float(tone.code),)}
     return tuple(
         ParameterState(
             name=p.name, kind=p.kind, low=p.low, high=p.high, unit=p.unit, default=p.default,
-            value=values.get(p.name, p.default),
+            value=values.get(p.name, p.default), choices=p.choices,
         )
         for p in parameters.values()
     )  # fmt: skip

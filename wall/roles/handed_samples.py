@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from wall.config.graph import SinkNode
 from wall.core.data import Float32
+from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.display.base import PanelSamples
 from wall.roles.plan import HEAD, Layout
@@ -20,16 +21,16 @@ class HandedSamples:
         self._panel, self._buffer = panel, buffer
         self._changed = buffer.changed = np.ones((buffer.height, buffer.width), np.bool_)
         self._new: tuple[NDArray[np.int64], Float32] | None = None  # pixels and radiance, until they are taken
-        self._stops, self._whole = 0.0, False  # exposure; whether every pixel was new once
+        self._tone, self._whole = AS_IT_IS, False  # of the image; whether every pixel was new once
 
     def begin_anew(self) -> None:
         """The panel shows something else; when it shows these samples again, every pixel is new."""
         self._changed[:] = True
         self._new, self._whole = None, False
 
-    def refresh(self, stops: float) -> None:
-        """Note what the panel shows now, exposed by so many stops."""
-        self._stops = stops
+    def refresh(self, tone: Tone) -> None:
+        """Note what the panel shows now, exposed and mapped by `tone`."""
+        self._tone = tone
         if self._new is None:
             pixels = np.flatnonzero(self._changed)
             self._new, self._whole = (pixels, self._buffer.records.reshape(-1)["shown"][pixels]), True
@@ -41,7 +42,7 @@ class HandedSamples:
             return None
         none = np.empty(0, np.int64), np.empty((0, 3), np.float32)
         (pixels, radiance), self._new = self._new or none, None
-        return PanelSamples(panel=self._panel, pixels=pixels, radiance=radiance, stops=self._stops)
+        return PanelSamples(panel=self._panel, pixels=pixels, radiance=radiance, tone=self._tone)
 
 
 def why_images(layout: Layout) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Batch, Event, StatisticsImage
+from wall.core.tone_mapping import Tone
 from wall.reconstruction.channels import blank_framelet
 from wall.reconstruction.choice import Wish
 from wall.roles.handed_samples import HandedSamples
@@ -49,7 +50,7 @@ class PanelCompositor:
         self.edited = False  # an edit came that the next refresh shows; whoever looks sets it back
         self._edits: int | None = None  # number of the newest edits
         self._awaits: int | None = None  # number of edits that no stored sample can show
-        self._answered: tuple[tuple[int, int], float] | None = None  # by the last reconstruction: event, exposure
+        self._answered: tuple[tuple[int, int], Tone] | None = None  # by the last reconstruction
         self._nothing = self.newest.buffer.take_dirty()  # no tile has changed
         self._routing = SampleRouting(
             plan.layout.sampling_of(self.layer.view).method, self.counters, reprojects=self.layer.reprojects
@@ -138,7 +139,7 @@ class PanelCompositor:
 
         `force`: reconstruct it, if it is not its turn either. Raises GpuError if a GPU was asked for and is lost.
         """
-        output, asked = self._output, (event.number, event.exposure)
+        output, asked = self._output, (event.number, event.tone)
         if output is None:
             return self._reconstruct(event, now)
         if output.begin(now, force=force):
@@ -156,10 +157,10 @@ class PanelCompositor:
             if self.handed is not None:
                 self.handed.begin_anew()
         else:
-            dirty = self.newest.refresh(now, event.exposure)
+            dirty = self.newest.refresh(now, event.tone)
             self.right.see_traced(self.newest.buffer.records["key"], now)
             if self.handed is not None:
-                self.handed.refresh(event.exposure)
+                self.handed.refresh(event.tone)
         if dirty.any():
             self._source.event = self._moment_of_newest(event) if self._output is not None else event
         return dirty

@@ -291,7 +291,7 @@ class Manager:
         for director in self._directors:
             if wanted:
                 own = commands_of(director, commands, self._directors)
-                news = director.update(own, now, editor.edits, editor.stops)
+                news = director.update(own, now, editor.edits, editor.picture)
             else:
                 news = not running and director.hold()
             if news or now >= self._repeat_due:

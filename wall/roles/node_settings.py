@@ -13,6 +13,7 @@ from wall.core.errors import ConfigError
 from wall.display.base import ZoomedPlace
 from wall.operators.base import Operator
 from wall.operators.deep_zoom import DeepZoom
+from wall.roles.tone import configured_tone
 from wall.scene.build import Scene
 from wall.scene.parameters import Numbers, Parameter, parameters_of_views
 
@@ -24,7 +25,7 @@ NODES = "nodes."
 
 def all_parameters(scenes: Sequence[Scene], graph: Graph, config: Config) -> dict[str, Parameter]:
     """Those of a scene as its views show it, see parameters_of_views, and of the graph's nodes."""
-    found = parameters_of_views(scenes, exposure=config.views[0].exposure)
+    found = parameters_of_views(scenes, tone=configured_tone(config.views[0]))
     return found | {each.name: each for each in _of_nodes(graph)}
 
 

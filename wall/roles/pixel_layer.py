@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Framelet, StatisticsImage
+from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.geometry.panels import Panel
 from wall.reconstruction.channels import blank_framelet, show_newest
@@ -20,21 +21,21 @@ class PixelLayer:
         self.framelet, self._panel, self._transparent, self._compared = framelet, panel, transparent, compared
         width, height = panel.pixels
         self.buffer = PixelBuffer(width, height)
-        self._stops: float | None = None  # exposure of what the framelet shows
+        self._tone: Tone | None = None  # of what the framelet shows
 
-    def refresh(self, now: float, stops: float = 0.0) -> NDArray[np.bool_]:
-        """Write what changed to the framelet, exposed by so many stops: all of it where they differ from before.
+    def refresh(self, now: float, tone: Tone = AS_IT_IS) -> NDArray[np.bool_]:
+        """Write what changed to the framelet, exposed and mapped: all of it where `tone` differs from before.
 
         Returns the 16-pixel tiles that changed, (rows, columns) bool.
         """
-        dirty = self.buffer.take_dirty() | (self._stops not in (None, stops))
-        self._stops = stops
+        dirty = self.buffer.take_dirty() | (self._tone not in (None, tone))
+        self._tone = tone
         if dirty.any():
             self.framelet.stamp(now)
             for surfaces in (self.framelet.albedo, self.framelet.normal):
                 if surfaces is not None:
                     surfaces[:] = 0.0  # of reprojected samples, which no longer show
-            show_newest(self.buffer, dirty, self._transparent, self.framelet, stops=stops)
+            show_newest(self.buffer, dirty, self._transparent, self.framelet, tone=tone)
         return dirty
 
     def statistics_image(self, now: float) -> StatisticsImage:

@@ -18,7 +18,7 @@ from wall.config.loading import Loaded
 from wall.config.sampling import AdaptiveSampling, AnySampling
 from wall.config.schema import Config
 from wall.config.views import ViewConfig
-from wall.core.data import NO_EDITS, Edits, Event, Region
+from wall.core.data import Event, Region
 from wall.core.errors import ConfigError, RemoteProtocolError, SceneError
 from wall.geometry.cameras import Lens, View, resolve_view
 from wall.geometry.checks import check_wall
@@ -30,10 +30,11 @@ from wall.geometry.viewports import with_views
 from wall.operators.base import Operator
 from wall.reconstruction.gpu.device import gpu_nodes
 from wall.roles.node_settings import all_parameters
+from wall.roles.tone import tone_at
 from wall.scene.build import Scene, integrated
 from wall.scene.build import build as build_scene
 from wall.scene.of_views import Way, shown_by
-from wall.scene.parameters import EXPOSURE, with_checked_tracks
+from wall.scene.parameters import with_checked_tracks
 
 HEAD = 0
 ROUNDED = 1.001  # rates and row times that people wrote down are not exact
@@ -367,6 +368,7 @@ def make_predictor(plan: Plan, view: int) -> Predictor:
 def first_event(plan: Plan, now: float, view: int = 0) -> Event:
     """What every run begins with: a view at its first moment."""
     time = plan.views[view].time_after(0.0) if plan.scene.animated else 0.0
+    tone = tone_at(plan, time, view=view)
     return Event(
         view=view,
         camera_event=plan.since,
@@ -375,14 +377,9 @@ def first_event(plan: Plan, now: float, view: int = 0) -> Event:
         input_time=now,
         camera=plan.views[view].camera_after(0.0),
         sampler=plan.layout.sampling_of(view).method,
-        exposure=exposure_at(plan, time, view=view),
+        exposure=tone.stops,
+        tone_mapping=tone.mapping,
     )
-
-
-def exposure_at(plan: Plan, scene_time: float, edits: Edits = NO_EDITS, *, view: int = 0) -> float:
-    """Stops by which a view is exposed: edited, else by keyframes at a scene time in seconds, else as configured."""
-    (stops,) = plan.scene.values(scene_time, edits).get(EXPOSURE, (plan.layout.config.views[view].exposure,))
-    return stops
 
 
 def window_panels(layout: Layout, ranks: Container[int]) -> list[Panel]:

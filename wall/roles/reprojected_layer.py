@@ -24,6 +24,7 @@ from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan
 from wall.roles.resolution import first_scale
 from wall.roles.statistics import statistics_image_of
+from wall.roles.tone import configured_tone
 from wall.scene.needs import needs
 
 AnyImage: TypeAlias = LayerReconstruction | DynamicResolution
@@ -69,7 +70,7 @@ class ReprojectedLayer:
         self.show_all = False  # at the next refresh, not only what changed
         self.tiles_of: dict[int, StatisticsImage] = {}  # of each renderer, its newest while a viewer shows them
         self._refreshed = False
-        self._stops = plan.layout.config.views[layer.view].exposure  # of the image that the framelet shows
+        self._tone = configured_tone(plan.layout.config.views[layer.view])  # of the image that the framelet shows
 
     def shared(self) -> DynamicResolution:
         """At the layer's renderer: the reconstruction that its adaptive sampler inserts samples into."""
@@ -169,18 +170,18 @@ class ReprojectedLayer:
 
     def _show(self, reconstruction: AnyImage, event: Event, now: float) -> NDArray[np.bool_]:
         reconstruction.refresh(event, now)
-        dirty, stops = reconstruction.take_dirty() | self.show_all | (event.exposure != self._stops), event.exposure
+        dirty, tone = reconstruction.take_dirty() | self.show_all | (event.tone != self._tone), event.tone
         if self._coverage is not None:
             dirty |= self._coverage.refresh(event, now)
-        self.show_all, self._stops = False, stops
+        self.show_all, self._tone = False, tone
         framelet = self._framelet
         if not dirty.any():
             return dirty
         if self._display_bytes_only or isinstance(reconstruction, DynamicResolution):
-            reconstruction.display(dirty, framelet.colour, stops=stops)
+            reconstruction.display(dirty, framelet.colour, tone=tone)
         else:
             framelet.stamp(now)
-            show_reprojected(reconstruction, self._coverage, dirty, framelet, stops=stops)
+            show_reprojected(reconstruction, self._coverage, dirty, framelet, tone=tone)
         return dirty
 
     def statistics_image(self, now: float) -> StatisticsImage | None:

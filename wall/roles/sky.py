@@ -8,6 +8,7 @@ from wall.compositing.executor import Regions
 from wall.compositing.graph import Step
 from wall.config.graph import SkyNode
 from wall.core.data import Camera, Event
+from wall.core.tone_mapping import Tone
 from wall.geometry.cameras import PanelView
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.channels import blank_framelet, show_sky
@@ -23,12 +24,12 @@ class SkyLayer:
         self._plan, self._panel = plan, plan.layout.wall.panel(step.node.panel)
         self.view, self._panel_view = self._panel.view, PanelView(plan.view_of(self._panel), self._panel)
         self.framelet = blank_framelet(self._panel, step.channels, encoded=step.encoded, order=step.order)
-        self._shown: tuple[Camera, Sky, float, float] | None = None
+        self._shown: tuple[Camera, Sky, float, Tone] | None = None
 
     def refresh(self, event: Event, now: float) -> Regions:
         """Bring the framelet to what `event` sees. Returns what changed."""
         shading, shown = self._plan.scene.shading(event.scene_time, event.edits), self._shown
-        news = shading.sky, shading.environment_strength, event.exposure
+        news = shading.sky, shading.environment_strength, event.tone
         same = shown is not None and shown[1:] == news
         camera = self._panel_view(event).camera
         if same and shown is not None and _turned_alike(camera, shown[0]):
@@ -38,7 +39,7 @@ class SkyLayer:
         corner, environment = np.array(self._panel.screen, np.float64), self._plan.scene.environment
         show_sky(
             shading.sky, environment, frame, corner, self.framelet,
-            stops=event.exposure, strength=shading.environment_strength,
+            tone=event.tone, strength=shading.environment_strength,
         )  # fmt: skip
         return [self.framelet.rect]
 

@@ -11,7 +11,7 @@ from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
 from wall.config.loading import Loaded
 from wall.core.errors import EditError
-from wall.display.base import Answer, Answers, LaysOut, Sink, Steered
+from wall.display.base import Answer, Answers, LaysOut, Offers, Sink, Steered
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
@@ -20,6 +20,7 @@ from wall.packets.json_body import MAX_COMMANDS
 from wall.roles.handed_samples import why_images
 from wall.roles.node_settings import zoomed_places
 from wall.roles.plan import Plan, window_panels
+from wall.run.choices import offer
 from wall.run.page_requests import request_of
 
 if TYPE_CHECKING:
@@ -101,6 +102,8 @@ def lay_out(plan: Plan, sinks: list[Sink | None]) -> None:
         if isinstance(sink, LaysOut):
             views = [view.id for view in plan.views]
             sink.lay_out(plan.layout.wall, views, why_images(plan.layout), zoomed_places(plan.layout))
+        if isinstance(sink, Offers):
+            offer(sink, plan.layout)
 
 
 def distinct(sinks: list[Sink | None]) -> list[Sink]:

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from wall.core.data import Event, Float32, Rect, Samples
+from wall.core.tone_mapping import AS_IT_IS, WHITES, Tone
 from wall.deepbuffer.feedback import Feedback
 from wall.sampling.base import Targets
 from wall.sampling.cut import Cut
@@ -54,7 +55,7 @@ class AdaptiveSampler:
         self._pixels = kernels.Pixels(np.zeros(shape, np.uint16), seed, rect.x, rect.y)
         self.division: Division = (Cut if tiling == "cut" else Grid)(rect.width, rect.height)
         self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
-        self._gain = np.float32(1.0)  # what light is multiplied by where it is shown
+        self._tone = shown_as(AS_IT_IS)
 
     def replan(self, feedback: Feedback) -> None:
         """Score every pixel anew."""
@@ -64,12 +65,12 @@ class AdaptiveSampler:
         scores, accumulation = self._scores, feedback.accumulation
         if feedback.nothing_moves:
             self._floor, self._footprint = FLOOR_STILL, FOOTPRINT_STILL
-            kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, self._gain, scores)
+            kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, self._tone, scores)
         else:
             self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
             kernels.score_moving(
                 feedback.resolved, feedback.sample_density, accumulation, feedback.accumulating.any(axis=1),
-                self._floor, self._gain, scores,
+                self._floor, self._tone, scores,
             )  # fmt: skip
         change = 0.0 if feedback.nothing_moves else float(feedback.temporal_gradient.mean())
         self.division.balance(scores.contrast, change)
@@ -109,7 +110,7 @@ class AdaptiveSampler:
         """The next `rays`, in whole packets and at least one; None where no pixel gains, under the exposure before."""
         packets = max(1, (self._batch if rays is None else rays) // kernels.PACKET)
         xy = np.empty((packets * kernels.PACKET, 2), np.float32)
-        self._sequence, self._gain = self._sequence + 1, np.float32(2.0**newest.exposure)
+        self._sequence, self._tone = self._sequence + 1, shown_as(newest.tone)
         score = self._scores.score
         self.division.adjust(score, max(1, packets // PACKETS_A_STEP))
         filled = kernels.draw(score, self.division.tiles, self._pixels, self._sequence, xy)
@@ -122,5 +123,10 @@ class AdaptiveSampler:
         if not self._uniform:
             kernels.learn(
                 samples, self._rect.x, self._rect.y, self._feedback.accumulation, self._feedback.nothing_moves,
-                self._floor, ENOUGH, self._gain, self._scores,
+                self._floor, ENOUGH, self._tone, self._scores,
             )  # fmt: skip
+
+
+def shown_as(tone: Tone) -> kernels.ShownAs:
+    """How light is shown, as kernels take it."""
+    return kernels.ShownAs(tone.gain, tone.code, np.float32(WHITES[tone.code]))

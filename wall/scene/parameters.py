@@ -16,18 +16,20 @@ from typing import Any, Literal, TypeAlias
 from wall.config.views import MOST_STOPS
 from wall.core.errors import EditError, SceneError
 from wall.core.fields import BRIGHTEST, FARTHEST, LARGEST_IOR, MOST_DEPTH, MOST_STRENGTH, SMALLEST_IOR
+from wall.core.tone_mapping import AS_IT_IS, TONE_MAPPINGS, Tone
 from wall.scene.build import Scene
 from wall.scene.model import Environment, Material
 from wall.scene.needs import Needs, needs
 from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
 from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
 
-Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position", "angles"]
+Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position", "angles", "choice"]
 Numbers: TypeAlias = tuple[float, ...]
 
-EXPOSURE, FOCUS = "exposure", "lens.focus"
+EXPOSURE, TONE_MAPPING, FOCUS = "exposure", "tone_mapping", "lens.focus"
+OF_THE_PICTURE = (EXPOSURE, TONE_MAPPING)  # alone: no sample depends on them
 WIDTH: Mapping[Kind, int] = {
-    "number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3, "angles": 3,
+    "number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3, "angles": 3, "choice": 1,
 }  # fmt: skip
 NAMES_SHOWN = 8
 NEAREST = 1e-6  # world units
@@ -45,11 +47,14 @@ class Parameter:
     high: float
     unit: str = ""
     default: Numbers  # the configuration's
+    choices: tuple[str, ...] = ()  # of a `choice`, whose value is the place of one of these names
 
     @property
     def accepted(self) -> str:
         """What it takes, in words."""
         unit, span = f" {self.unit}" if self.unit else "", f"from {self.low:g} to {self.high:g}"
+        if self.kind == "choice":
+            return f"one of {', '.join(self.choices)}"
         if self.kind == "whole":
             return f"a whole number {span}{unit}"
         if self.kind == "number":
@@ -62,11 +67,12 @@ class Parameter:
     def checked(self, value: object) -> Numbers:
         """The numbers of a value: a number or a sequence of numbers. Raises EditError where it is not accepted."""
         given: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
+        given = [self.choices.index(x) if isinstance(x, str) and x in self.choices else x for x in given]
         wanted = WIDTH[self.kind]
         if len(given) == 1 and self.kind in ("color", "light"):
             given *= wanted
         numbers = [float(x) for x in given if _is_number(x) and self.low <= x <= self.high]
-        whole = self.kind != "whole" or all(x == int(x) for x in numbers)
+        whole = self.kind not in ("whole", "choice") or all(x == int(x) for x in numbers)
         length = self.kind != "direction" or math.hypot(*numbers) >= SHORTEST
         if len(given) != wanted or len(numbers) != wanted or not whole or not length:
             raise EditError(f"{self.name} = {_shown(value)}: want {self.accepted}")
@@ -83,11 +89,11 @@ def _shown(value: object) -> str:
     return value[:60] if isinstance(value, str) else reprlib.repr(value)
 
 
-def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter]:
-    """All parameters of a scene by name, and the picture's exposure, which is configured as `exposure` stops."""
+def parameters_of(scene: Scene, *, tone: Tone = AS_IT_IS) -> dict[str, Parameter]:
+    """All parameters of a scene by name, and those of the picture, which are configured as `tone`."""
     wanted = needs(scene)
     found = [
-        Parameter(name=EXPOSURE, kind="number", low=-MOST_STOPS, high=MOST_STOPS, unit="stops", default=(exposure,)),
+        *_of_the_picture(tone),
         *_lens(scene),
         *_cuts(scene),
         *(_lights(scene) if scene.occlusion is None else ()),
@@ -107,12 +113,19 @@ def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter
     return {parameter.name: parameter for parameter in found}
 
 
-def parameters_of_views(scenes: Sequence[Scene], *, exposure: float = 0.0) -> dict[str, Parameter]:
+def _of_the_picture(tone: Tone) -> Iterator[Parameter]:
+    stops: dict[str, Any] = {"low": -MOST_STOPS, "high": MOST_STOPS, "unit": "stops"}
+    yield Parameter(name=EXPOSURE, kind="number", default=(tone.stops,), **stops)
+    last, mapping = len(TONE_MAPPINGS) - 1, (float(tone.code),)
+    yield Parameter(name=TONE_MAPPING, kind="choice", high=last, default=mapping, choices=TONE_MAPPINGS)
+
+
+def parameters_of_views(scenes: Sequence[Scene], *, tone: Tone = AS_IT_IS) -> dict[str, Parameter]:
     """Those that any view of a scene has, with the values of the first that has it; of objects, those that all have.
 
     scenes : one scene as each view shows it: an emitter that cannot be hidden in one view is hidden in none
     """
-    each = [parameters_of(scene, exposure=exposure) for scene in {id(scene): scene for scene in scenes}.values()]
+    each = [parameters_of(scene, tone=tone) for scene in {id(scene): scene for scene in scenes}.values()]
     found: dict[str, Parameter] = {}
     for parameters in each:
         found |= {name: parameter for name, parameter in parameters.items() if name not in found}
@@ -242,6 +255,8 @@ def with_checked_tracks(scene: Scene, parameters: Mapping[str, Parameter]) -> Sc
     for track in scene.parameter_tracks:
         try:
             parameter = named(parameters, track.name)
+            if parameter.kind == "choice":
+                raise EditError(f"{track.name}: nothing lies between its values; wanted: no keyframes")
             rows = [parameter.checked(row) for row in track.values.tolist()]
         except EditError as error:
             raise SceneError(f"scene.animation, type parameter: {error}") from error

@@ -18,6 +18,7 @@ from wall.commands.render import render
 from wall.config.loading import load
 from wall.core.data import Camera
 from wall.core.errors import ConfigError
+from wall.core.tone_mapping import Tone
 from wall.display.film import read_film
 from wall.display.image_file import display_values
 from wall.roles.plan import first_event, make_layout, make_plan
@@ -60,7 +61,7 @@ def test_frames_are_the_images_of_their_moments(config: Path, compiled_only: Non
         assert opened.streams.video[0].average_rate == Fraction(8, 3)
     for frame, image, stops in zip(shown, images, (0.0, 0.75, 1.5), strict=True):
         assert image is not None
-        wanted = display_values(image, stops=stops).mean(axis=(0, 1))
+        wanted = display_values(image, tone=Tone(stops)).mean(axis=(0, 1))
         assert np.abs(frame[:31, :41].mean(axis=(0, 1)) - wanted).max() < 6  # of 255: colours are coded coarsely
 
 

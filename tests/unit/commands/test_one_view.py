@@ -14,6 +14,7 @@ from wall.commands.screenshot import Shot, screenshot
 from wall.config.loading import loads
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
+from wall.core.tone_mapping import Tone
 from wall.display.image_file import display_values
 from wall.roles.plan import Plan, make_layout, make_plan
 
@@ -57,7 +58,7 @@ def test_a_screenshot_of_a_view_has_its_pixels_and_its_exposure(tmp_path: Path, 
     shot = Shot(spp=2, seed=3, view="corner")
     (written,) = screenshot(loaded, tmp_path / "corner.png", shot, lambda done, total: None)
     assert (written.width, written.height) == (42, 12)
-    wanted = display_values(rendered(plan_of_view(plan_for(text_of(TWO)), "corner")), stops=1.0)
+    wanted = display_values(rendered(plan_of_view(plan_for(text_of(TWO)), "corner")), tone=Tone(1.0))
     np.testing.assert_array_equal(np.asarray(Image.open(written.path)), wanted)
 
 

@@ -12,6 +12,7 @@ from page_viewer import run, until, with_viewer
 
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.colour import srgb_decoded
+from wall.core.tone_mapping import AS_IT_IS
 from wall.display.base import PanelImage, PanelSamples, WallImage
 from wall.display.browser import IN_FLIGHT, Browser
 from wall.display.parts import TILES_AT_REST
@@ -70,7 +71,7 @@ def test_a_slow_viewer_that_makes_images_itself_gets_each_pixel_s_newest_sample_
 
     def shown(version, pixels):
         image = PanelImage(id="p0", rgb=rgb.copy(), screen=(0, 0), version=version)
-        samples = PanelSamples(panel=0, pixels=pixels, radiance=radiance.reshape(-1, 3)[pixels], stops=0.0)
+        samples = PanelSamples(panel=0, pixels=pixels, radiance=radiance.reshape(-1, 3)[pixels], tone=AS_IT_IS)
         large.show(replace(wall_image(image), samples=(samples,)), status)
 
     async def next_samples(viewer):
@@ -79,7 +80,7 @@ def test_a_slow_viewer_that_makes_images_itself_gets_each_pixel_s_newest_sample_
         data = await viewer.socket.receive_bytes()
         assert (data[:2], message["panels"]) == (b"WN", 1)
         body = zlib.decompress(data[SAMPLES_HEADER.size :])
-        count = SAMPLES_COUNTS.unpack_from(body)[1]
+        count = SAMPLES_COUNTS.unpack_from(body)[2]
         return message["number"], np.frombuffer(body, "<u2", 3 * count, SAMPLES_COUNTS.size)
 
     async def act(viewer):

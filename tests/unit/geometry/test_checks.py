@@ -43,6 +43,7 @@ def grid(keys: str) -> str:
         ("up: [0, 0, 1]", "scene: {up: z}"),
         ("up: [-3, 0, 1]", "scene: {up: -x}"),
         ("up: [0, 0, 1], position: [9, 2, 3], target: [0, 0, 0]", "scene: {up: z}"),
+        ("up: [0, 0, 1], position: [5, -6, 3], target: [0.5, 0, 1]", "scene: {up: z}"),  # from the front
         ("up: [0, 1, 0.5]", ""),
         ("up: [0, 0, -1], position: [0, 24, 0.01], target: [0, 0, 0]", ""),  # a map
     ],

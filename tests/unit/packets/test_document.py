@@ -157,13 +157,14 @@ def test_the_event_table_reads_an_event() -> None:
     camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(map(float, range(9))), eye=(0.5, 0.25, -2.0))
     event = Event(
         view=1, camera_event=2, scene_event=3, scene_time=4.5, input_time=5.5, camera=camera, sampler="hilbert",
-        paused=True, compare="framed", statistics=True, exposure=-1.5, edits=Edits(7, (("exposure", (2.0, 3.0)),)),
+        paused=True, compare="framed", statistics=True, exposure=-1.5, tone_mapping="aces",
+        edits=Edits(7, (("exposure", (2.0, 3.0)),)),
     )  # fmt: skip
     body = control.serialise(event)[control.HEADER_BYTES :]
     fields = read(table("Event (numbers finite"), body)
-    assert fields.pop("size") == 222
-    assert body[222:] == b"\x08exposure\x02" + struct.pack("<2d", 2.0, 3.0)
-    words = {"sampler": b"hilbert", "paused": 1, "compare": b"framed", "statistics": 1}
+    assert fields.pop("size") == 223
+    assert body[223:] == b"\x08exposure\x02" + struct.pack("<2d", 2.0, 3.0)
+    words = {"sampler": b"hilbert", "paused": 1, "compare": b"framed", "statistics": 1, "tone_mapping": 2}
     wanted = asdict(event) | camera_fields(camera) | words
     wanted["edit"] = wanted.pop("edits")["number"]
     wanted.pop("camera")

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from small_scenes import directions, view
 
+from wall.core.colour import srgb_codes
+from wall.core.data import Framelet
+from wall.core.tone_mapping import AS_IT_IS, Tone, tone_mapped
 from wall.deepbuffer.kernels.pixel_buffer import PIXEL, TILE
+from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.geometry.frusta import ray_frame
+from wall.reconstruction.channels import blank_framelet, show_newest, show_sky
 from wall.reconstruction.kernels import channels as kernels
 from wall.reconstruction.stored import NearestSamples
+from wall.scene.model import Sky
 
 HEIGHT, WIDTH = 2 * TILE - 5, 2 * TILE + 3  # tiles at both edges are cut off
 ONE = np.float32(1.0)  # gain
@@ -142,3 +150,25 @@ def test_only_dirty_tiles_are_copied() -> None:
     source, out = np.random.default_rng(4).random((HEIGHT, WIDTH, 3), np.float32), blank()["colour"]
     kernels.copy_tiles(source, DIRTY, ONE, out)
     np.testing.assert_array_equal(out, np.where(CHANGED[..., None], source, np.float32(7)))
+
+
+@pytest.mark.parametrize("mapping", ["none", "khronos_neutral"])
+def test_light_for_operators_is_exposed_and_mapped_wherever_it_comes_from(mapping: str) -> None:
+    """Newest samples in dirty tiles, and the sky; display bytes of the same light are within a code."""
+    tone, sky = Tone(1.0, mapping), Sky(zenith=(0.2, 0.5, 1.0), horizon=(0.1, 0.6, 2.0), ground=(0.1, 0.1, 0.1))
+    buffer, everything = PixelBuffer(WIDTH, HEIGHT), np.ones_like(DIRTY)
+    buffer.records["shown"], buffer.records["object_id"] = 3.0 * records()["shown"], 1
+
+    def both(show: Callable[[Framelet, Tone], None]) -> tuple[Framelet, Framelet, Framelet]:
+        made = [blank_framelet(EYE.panel, frozenset({"colour"}), encoded=k == 2, order=0) for k in range(3)]
+        for framelet, each in zip(made, (AS_IT_IS, tone, tone), strict=True):
+            show(framelet, each)
+        return made[0], made[1], made[2]
+
+    for plain, mapped, shown in (
+        both(lambda out, tone: show_newest(buffer, everything, False, out, tone=tone)),
+        both(lambda out, tone: show_sky(sky, None, FRAME, CORNER, out, tone=tone)),
+    ):
+        np.testing.assert_allclose(mapped.colour, tone_mapped(2.0 * plain.colour, mapping), rtol=1e-5, atol=1e-6)
+        assert np.abs(srgb_codes(mapped.colour).astype(int) - shown.colour).max() <= 1
+        assert np.ptp(shown.colour) > 50

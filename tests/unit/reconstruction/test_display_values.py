@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from wall.core.data import Float32, Float64
+from wall.core.tone_mapping import AS_IT_IS, TONE_MAPPINGS, Tone
+from wall.display.image_file import display_values
 from wall.reconstruction.display_values import update_display
 
 CODES_OFF = 1  # the stated bound of the curve's table
@@ -19,10 +21,10 @@ def exact_codes(linear: Float64) -> Float64:
     return np.asarray(255.0 * encoded, np.float64)
 
 
-def displayed(radiance: Float32) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+def displayed(radiance: Float32, tone: Tone = AS_IT_IS) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
     rgb = np.zeros(radiance.shape, np.uint8)
     tile = max(radiance.shape[:2])
-    assert update_display(radiance, EVERY_TILE, tile, rgb) == radiance.shape[0] * radiance.shape[1]
+    assert update_display(radiance, EVERY_TILE, tile, rgb, tone=tone) == radiance.shape[0] * radiance.shape[1]
     return rgb
 
 
@@ -63,3 +65,13 @@ def test_only_dirty_tiles_are_redone_and_the_last_ones_may_be_cut() -> None:
     expected = np.zeros((5, 7), np.uint8)
     expected[:4, 4:] = expected[4:, :4] = 255
     np.testing.assert_array_equal(rgb, np.repeat(expected[:, :, None], 3, axis=2))
+
+
+@pytest.mark.parametrize("mapping", TONE_MAPPINGS)
+def test_an_image_shown_is_the_image_written_up_to_one_code(mapping: str) -> None:
+    """Of colours from black to 60 times white: the wall's kernel in float32, files in float64."""
+    random, tone = np.random.default_rng(2), Tone(1.5, mapping)
+    radiance = (20.0 * random.random((40, 50, 3)) ** 5).astype(np.float32)
+    shown, written = displayed(radiance, tone).astype(int), display_values(radiance, tone=tone)
+    assert np.abs(shown - written).max() <= CODES_OFF
+    assert (shown != written).mean() < 0.02

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_scenes import Triple, View, instance, keyframes, material, quad, view
 
 from wall.core.data import Channels, Edits, Event, Float32, Framelet, Samples
+from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.reconstruction.channels import Coverage, blank_framelet, show_reprojected
 from wall.reconstruction.choice import make_reconstruction
 from wall.reconstruction.gpu.device import Device
@@ -80,7 +81,7 @@ class Layers:
                 coverage.insert(covered, base_time, event)
             made.image.insert(colours, base_time, event)
 
-    def refresh(self, event: Event, now: float, *, stops: float = 0.0) -> None:
+    def refresh(self, event: Event, now: float, *, tone: Tone = AS_IT_IS) -> None:
         changed = []
         for made, coverage, framelet in zip(self.made, self.coverages, self.framelets, strict=True):
             made.image.refresh(event, now)
@@ -89,7 +90,7 @@ class Layers:
                 dirty |= coverage.refresh(event, now)
             if dirty.any():
                 framelet.stamp(now)
-                show_reprojected(made.image, coverage, dirty, framelet, stops=stops)
+                show_reprojected(made.image, coverage, dirty, framelet, tone=tone)
             changed.append(dirty)
         assert_array_equal(*changed)
 
@@ -129,7 +130,7 @@ def test_all_channels_are_the_same_in_motion_at_rest_and_after_it(
     rested, partly = 0, 0
     for k in range(20):
         event = at_refresh(k)
-        layers.refresh(event, START + (k + 1) / 60, stops=0.25)
+        layers.refresh(event, START + (k + 1) / 60, tone=Tone(0.25))
         layers.agree()
         for batch in range(2):
             layers.insert(layers.trace(random_numbers, count, event), START + k / 60 + 0.002 * batch, event)
@@ -202,7 +203,7 @@ def test_display_bytes_with_channels_are_the_same_up_to_a_code(
     for k in range(6):
         event = at_refresh(min(k, 4))
         layers.insert(layers.trace(random_numbers, 4000, event), START + k / 60, event)
-        layers.refresh(event, START + (k + 1) / 60, stops=0.5)
+        layers.refresh(event, START + (k + 1) / 60, tone=Tone(0.5, "khronos_neutral"))
         layers.agree()
     assert layers.shown.colour.dtype == np.uint8
     assert len(np.unique(layers.shown.colour)) > 3

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from small_scenes import view
 
 from wall.core.data import Event, Float32, Rect
+from wall.core.tone_mapping import AS_IT_IS, TONE_MAPPINGS, Tone
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import Device
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
@@ -224,9 +225,13 @@ def test_the_eye_amid_samples_gives_finite_pixels(opengl: Device) -> None:
         twins.agree()
 
 
-@pytest.mark.parametrize("size", [(16, 8), (7, 3)])
+@pytest.mark.parametrize(
+    ("size", "tone"),
+    [((16, 8), AS_IT_IS), *(((7, 3), Tone(1.0, mapping)) for mapping in TONE_MAPPINGS)],
+    ids=str,
+)
 def test_display_values_are_those_of_the_cpu_up_to_one_code(
-    opengl: Device, random_numbers: np.random.Generator, size: tuple[int, int]
+    opengl: Device, random_numbers: np.random.Generator, size: tuple[int, int], tone: Tone
 ) -> None:
     """The square roots of two machines may differ in their last bit, and so lie on two sides of a code."""
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=size)
@@ -237,9 +242,9 @@ def test_display_values_are_those_of_the_cpu_up_to_one_code(
     shown, wanted = (np.full((size[1], size[0], 3), 77, np.uint8) for _ in range(2))
     dirty = reconstruction.take_dirty()
 
-    reconstruction.display(dirty, shown)
+    reconstruction.display(dirty, shown, tone=tone)
 
-    update_display(reconstruction.radiance, dirty, 16, wanted)
+    update_display(reconstruction.radiance, dirty, 16, wanted, tone=tone)
     difference = np.abs(shown.astype(int) - wanted)
     assert difference.max() <= 1
     assert (difference == 0).mean() > 0.95

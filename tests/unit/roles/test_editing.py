@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from running import write_config
 
+from wall.commands.set import lines_of, parse_assignment
 from wall.commands.set import note_of as words_of
 from wall.config.loading import load
 from wall.core.data import MOST_SAMPLES, NO_EDITS, SAMPLE, Batch, Edits, Event, Rect
 from wall.core.errors import EditError
+from wall.core.tone_mapping import Tone
 from wall.packets.control import EditAnswer, EditRequest, Hello, WindowInput, parse_control, serialise
 from wall.packets.notes import Note, note_of
 from wall.roles.compositor import REFUSAL_SHOWN_S, Compositor
@@ -54,7 +56,7 @@ def test_of_a_request_all_holds_or_nothing(plan: Plan) -> None:
     with pytest.raises(EditError, match="want a number"):
         editor.set([("lights.0.intensity", 1), ("exposure", 1), ("sky.strength", -1)])
     assert editor.edits is before
-    assert editor.stops is None
+    assert not editor.picture
 
 
 def test_what_changes_nothing_has_no_number(plan: Plan) -> None:
@@ -69,9 +71,9 @@ def test_exposure_is_no_edit_of_the_scene(plan: Plan) -> None:
     editor = Editor(plan)
     editor.set([("exposure", 1.5)])
     assert editor.edits is NO_EDITS
-    assert editor.exposure(0.0) == 1.5
+    assert editor.tone(0.0).stops == 1.5
     editor.expose(100.0, 0.0)
-    assert editor.exposure(0.0) == 20.0  # the end of its range
+    assert editor.tone(0.0).stops == 20.0  # the end of its range
 
 
 def test_how_many_samples_there_are_is_no_new_scene(tmp_path: Path) -> None:
@@ -150,6 +152,19 @@ def test_an_edit_is_published_at_once_as_a_scene_event_and_answered(plan: Plan) 
     assert event.edits == Edits(1, (("sky.strength", (2.0,)),))
 
 
+def test_tone_mapping_is_chosen_by_name_published_and_undone(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True, key=KEY)
+    list(manager.on_tick(0.0))
+    name, value = parse_assignment("tone_mapping=aces")
+    (answer,), (event,) = told(manager, request((name, value), listed=name), 1e-4)
+    assert (event.number, event.tone) == ((0, 0), Tone(0.0, "aces"))
+    assert next(lines_of(answer.parameters)).split()[:5] == ["tone_mapping", "aces", "one", "of", "none,"]
+    _, (event,) = told(manager, WindowInput(rank=HEAD, commands=[{"kind": "undo"}]), 2e-2)
+    assert (event.tone_mapping, manager.editor.picture) == ("none", {})
+    with pytest.raises(EditError, match=r"want numbers .* or one of none, reinhard, aces, khronos_neutral"):
+        parse_assignment("tone_mapping=filmic")
+
+
 def test_exposure_is_published_without_a_new_number(plan: Plan) -> None:
     manager = Manager(plan, 0.0, still=True, key=KEY)
     list(manager.on_tick(0.0))
@@ -220,9 +235,9 @@ def test_edits_are_taken_back_the_newest_first_and_what_follows_at_once_together
     for k in range(10):  # a slider
         editor.set([("lights.0.intensity", k)], 2.0 + 0.1 * k)
     editor.set([("exposure", 3)], 9.0)
-    assert (editor.stops, len(editor.edits.values), editor.edits.number) == (3.0, 2, 11)
+    assert (editor.picture, len(editor.edits.values), editor.edits.number) == ({"exposure": (3.0,)}, 2, 11)
     editor.undo()
-    assert (editor.stops, len(editor.edits.values), editor.edits.number) == (None, 2, 11), "the scene is as it was"
+    assert (editor.picture, len(editor.edits.values), editor.edits.number) == ({}, 2, 11), "the scene is as it was"
     editor.undo()
     assert editor.edits == Edits(14, (("sky.strength", (2.0,)),)), "the number tells that something changed"
     editor.set([("sky.strength", 5)], 9.1)

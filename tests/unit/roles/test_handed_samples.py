@@ -45,7 +45,8 @@ class Display:
 
     def exact(self) -> bool:
         _, samples = self.store.since(None)
-        return np.array_equal(codes_of_halves(samples.gain)[samples.light].reshape(24, 40, 3), rgb_of(self.panel))
+        codes = codes_of_halves(float(samples.tone.gain))[samples.light]
+        return np.array_equal(codes.reshape(24, 40, 3), rgb_of(self.panel))
 
 
 @pytest.mark.parametrize("blend", [1.0, 0.5])

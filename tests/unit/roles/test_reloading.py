@@ -140,7 +140,7 @@ def test_changes_of_the_configuration_are_made_once_and_taken_back(plan: Plan) -
     led.manager.editor.set([("exposure", 1.0)])
     back = EditRequest(client=CLIENT, number=2, key=KEY, undo=1)
     assert said(led.tell(back), EditAnswer), "the newest edit first: a parameter's"
-    assert led.manager.editor.stops is None
+    assert not led.manager.editor.picture
     (undone,) = led.adopted(led.tell(back := replace(back, number=3)))
     assert led.manager.plan.layout.loaded.config == plan.layout.loaded.config
     assert led.tell(back) == [Send(CLIENT, undone)]

@@ -115,11 +115,12 @@ def test_every_message_of_the_guide_is_answered_as_done() -> None:
         answers = told(wall.address, *messages)
     assert [answer["id"] for answer in answers] == [message["id"] for message in messages]
     assert [answer.get("refused") for answer in answers] == [None] * len(messages)
-    kinds = {message["kind"] for message in messages} | {"focus", "load", "edit"}  # without a lens, without leave
+    without = {"focus", "load", "edit", "choose"}  # no lens, no leave, nothing to choose
+    kinds = {message["kind"] for message in messages} | without
     table = GUIDE.read_text(encoding="utf-8").partition("## Requests")[2].partition("`view` is a")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     assert kinds | {"kind"} == {word for row in rows for word in row.split("`")[1::2]}
-    assert kinds == {*get_args(Kind), "list", "load", "edit"} - {"statistics"}
+    assert kinds == {*get_args(Kind), "list", "load", "edit", "choose"} - {"statistics"}
 
 
 def test_assignments_hold_all_or_none_and_the_sender_hears_why(served: Served) -> None:
@@ -197,7 +198,7 @@ def test_messages_without_an_id_do_what_they_did_and_keep_their_place_among_requ
         {"id": 1, "kind": "undo"},
         {"id": 2, "kind": "zoom", "x": 2, "view": "map"},
     )
-    assert served.manager.editor.stops != 2
+    assert served.manager.editor.picture.get("exposure") != (2.0,)
     limit = time.monotonic() + PATIENCE_S
     while main == served.positions()[0] or plan == served.positions()[1]:
         assert time.monotonic() < limit

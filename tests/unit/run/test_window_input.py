@@ -140,7 +140,7 @@ def test_the_wheel_steers_the_view_beneath_the_pointer_keys_the_same_one_tab_the
             manager.editor.set([("exposure", 1.0)])
             press(display, XK.XK_z, (100, 70))
             cameras(after={"kind": "undo"})
-            assert manager.editor.exposure(0.0) == 0.0
+            assert manager.editor.tone(0.0).stops == 0.0
         finally:
             sink.close()
 

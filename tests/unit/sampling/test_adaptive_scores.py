@@ -10,14 +10,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import ArrayLike
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Rect, Samples
+from wall.core.tone_mapping import AS_IT_IS, TONE_MAPPINGS, Tone, tone_mapped
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS
-from wall.sampling.adaptive import ENOUGH, FLOOR_MOVING, AdaptiveSampler
+from wall.sampling.adaptive import ENOUGH, FLOOR_MOVING, AdaptiveSampler, shown_as
 from wall.sampling.kernels import adaptive as kernels
 
 PACKET = kernels.PACKET
 Path = Callable[[int], Event]
-GAIN = np.float32(1.0)
+SHOWN = shown_as(AS_IT_IS)
 RECT = Rect(x=5, y=9, width=40, height=37)  # 3 x 3 tiles, ragged
 
 
@@ -78,7 +79,7 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     scores = kernels.Scores(*np.zeros((3, 37, 40), np.float32))
 
     rows = np.array([False, True, False])  # of 16: those with an accumulation
-    kernels.score_moving(resolved, splat_sums[1:-1, 1:-1, 3], accumulation, rows, FLOOR_MOVING, GAIN, scores)
+    kernels.score_moving(resolved, splat_sums[1:-1, 1:-1, 3], accumulation, rows, FLOOR_MOVING, SHOWN, scores)
 
     padded = np.pad(value, 1, mode="edge")
     around = [padded[1 + di : 38 + di, 1 + dj : 41 + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)]
@@ -206,13 +207,13 @@ def observe(accumulated: Float32, i: ArrayLike, j: ArrayLike, values: Float64) -
         pixel[5] += delta * (value - pixel[4])
 
 
-def gain_of_pixel(light: Float64, *, stops: float = 0.0) -> float:
+def gain_of_pixel(light: Float64, tone: Tone = AS_IT_IS, *, enough: float = ENOUGH) -> float:
     """Error reduction of one more sample of a grey pixel at rest that received this light (n,), beside alike pixels."""
     pixel = np.zeros((1, 1, ACCUMULATION_COLUMNS), np.float32)
     observe(pixel, np.zeros(len(light), int), np.zeros(len(light), int), light)
     pixel[0, 0, :3] = pixel[0, 0, 4]
-    none, n, exposure = np.float32(0.0), np.float32(len(light)), np.float32(2.0**stops)
-    return float(kernels.still_gain(pixel[0, 0], none, n, none, ENOUGH, exposure))
+    none, n = np.float32(0.0), np.float32(len(light))
+    return float(kernels.still_gain(pixel[0, 0], none, n, none, np.float32(enough), shown_as(tone)))
 
 
 def test_an_error_counts_as_it_is_shown() -> None:
@@ -220,7 +221,7 @@ def test_an_error_counts_as_it_is_shown() -> None:
     light = np.tile([0.1, 0.5], 50)
     variance = 0.2**2 / (4.0 * 0.3)
     assert_allclose(gain_of_pixel(light), variance / (100.5 * 101.0), rtol=1e-4)
-    assert_allclose(gain_of_pixel(light, stops=1.0), 2.0 * variance / (100.5 * 101.0), rtol=1e-4)
+    assert_allclose(gain_of_pixel(light, Tone(1.0)), 2.0 * variance / (100.5 * 101.0), rtol=1e-4)
     assert gain_of_pixel(np.tile(light, 40)) > 0.0, "0.18 / sqrt(4000) is 0.7 of a step"
     assert gain_of_pixel(np.tile(light, 100)) == 0.0, "0.18 / sqrt(10,000) is 0.47 of a step"
 
@@ -232,9 +233,23 @@ def test_a_pixel_that_is_surely_beyond_the_range_is_complete() -> None:
     """
     edge = np.tile([10.0, 0.2], 15)
     assert gain_of_pixel(edge) == 0.0
-    assert gain_of_pixel(edge, stops=-4.0) > 0.0
+    assert gain_of_pixel(edge, Tone(-4.0)) > 0.0
     assert gain_of_pixel(np.array([2.0, 0.2, 0.2, 2.0])) > 0.0
     assert gain_of_pixel(np.array([2.0, 0.2, 0.2, 2.0] * 400)) == 0.0
+
+
+@pytest.mark.parametrize("mapping", TONE_MAPPINGS[1:])
+def test_under_tone_mapping_an_error_counts_as_the_curve_shows_it(mapping: str) -> None:
+    """Of greys the variance times the square of the slope of sqrt(curve), by differences; never less."""
+    for level in (0.003, 0.02, 0.07, 0.3, 0.7, 1.5, 4.0):
+        light = np.tile([0.98 * level, 1.02 * level], 50)
+        ends = np.sqrt(tone_mapped(level * np.array([[0.98] * 3, [1.02] * 3]), mapping).astype(float))[:, 0]
+        found = gain_of_pixel(light, Tone(mapping=mapping), enough=0.0) * 100.5 * 101.0
+        assert found >= 0.99 * ((ends[1] - ends[0]) / 2.0) ** 2, level
+        assert found <= 1.01 * ((ends[1] - ends[0]) / 2.0) ** 2 or (mapping == "khronos_neutral" and level < 0.08)
+    noisy = np.tile([5.0, 1.0], 30)
+    assert gain_of_pixel(noisy, enough=0.0) == 0.0, "white, whatever the noise"
+    assert gain_of_pixel(noisy, Tone(mapping=mapping), enough=0.0) > 0.0
 
 
 def test_no_pixel_takes_more_samples_than_the_most_and_none_counts_more_than_the_range() -> None:

@@ -41,7 +41,8 @@ def edited(**values: tuple[float, ...]) -> Edits:
 def test_only_what_the_scene_has_is_offered() -> None:
     names = set(parameters_of(scene()))
     assert names == {
-        "exposure", "lights.0.direction", "lights.0.irradiance", "lights.1.position", "lights.1.intensity",
+        "exposure", "tone_mapping", "lights.0.direction", "lights.0.irradiance", "lights.1.position",
+        "lights.1.intensity",
         "sky.strength", "sky.zenith", "sky.horizon", "sky.ground", "materials.grey.color",
         "objects.object0.offset", "objects.object0.rotation", "objects.object0.visible",
     }  # fmt: skip
@@ -106,6 +107,9 @@ def test_a_lens_is_offered_and_edited_where_there_is_one_and_may_be_closed() -> 
         ("integrator.depth", 2.5, "a whole number from 1 to 64"),
         ("integrator.depth", 0, "a whole number from 1 to 64"),
         ("exposure", None, "None"),
+        ("tone_mapping", "acse", "one of none, reinhard, aces, khronos_neutral"),
+        ("tone_mapping", 1.5, "one of none, reinhard"),
+        ("exposure", "aces", "a number from -20 to 20 stops"),
         ("exposure", [[]], "a number"),
     ],
 )
@@ -202,6 +206,8 @@ def test_keyframes_of_what_there_is_not_or_cannot_be_are_refused() -> None:
         checked(keyframed("lights.7.intensity", (0.0, 1.0)))
     with pytest.raises(SceneError, match=r"sky\.strength = .*want a number from 0"):
         checked(keyframed("sky.strength", (0.0, -1.0)))
+    with pytest.raises(SceneError, match=r"tone_mapping: nothing lies between its values; wanted: no keyframes"):
+        checked(keyframed("tone_mapping", (0.0, 1.0)))
 
 
 def test_one_number_in_a_keyframe_is_meant_for_all_of_a_colour() -> None:

@@ -175,7 +175,8 @@ def test_a_configured_scene_is_noisy_and_has_no_lights_to_change() -> None:
     wanted = needs(scene)
     assert (wanted.paths, wanted.occlusion) == (True, True)
     assert not any((wanted.change_detection, wanted.relighting, wanted.mirrors, wanted.emitters, wanted.suns))
-    assert {name.split(".")[0] for name in parameters_of(scene)} == {"exposure", "sky", "integrator", "objects"}
+    groups = {name.split(".")[0] for name in parameters_of(scene)}
+    assert groups == {"exposure", "tone_mapping", "sky", "integrator", "objects"}
     assert parameters_of(scene)["integrator.distance"].default == (3.0,)
     assert "integrator.depth" not in parameters_of(scene)
     coloured = plan_of("{method: ambient_occlusion}").scene

@@ -1,6 +1,7 @@
 // Connect to the run: show pictures on the wall and numbers in the readout, send commands back.
 
 import { Bookmarks } from "./bookmarks.js";
+import { Choices } from "./choices.js";
 import { Compare } from "./compare.js";
 import { Display } from "./display.js";
 import { Handles } from "./handles.js";
@@ -46,6 +47,8 @@ const bookmarks = new Bookmarks(
   document.getElementById("bookmarks"), document.getElementById("keep"), (command) => send(command));
 const zoomed = new Zoomed((command) => send(command));
 const solo = new Solo(wall);
+const choices = new Choices(
+  ...["choices", "choice-list", "choice-words"].map((id) => document.getElementById(id)), (request) => send(request));
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
@@ -95,6 +98,10 @@ function take(message, pictures) {
     handles.limit(message.parameters);
     zoomed.follow(message.parameters);
     focusButton.hidden = !message.parameters.some((p) => p.name === "lens.focus");
+  } else if (message.kind === "choices") {
+    choices.show(message);
+  } else if (message.kind === "answer") {
+    choices.answer(message);
   } else if (message.kind === "handles") {
     handles.show(message);
   } else if (message.kind === "status") {
@@ -120,6 +127,7 @@ function allow(mine) {
 function lost(code) {
   const wait = RETRY_MS[Math.min(attempts++, RETRY_MS.length - 1)];
   socket = null;
+  choices.lost();
   ended ||= code === ENDED;
   if (ended) readout.ended();
   else if (code === TOO_MANY) readout.lost("Too many viewers are watching this wall. Waiting for a place.");

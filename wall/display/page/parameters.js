@@ -123,7 +123,9 @@ class Row {
     this.#parameter = parameter;
     this.element.className = "parameter";
     this.element.dataset.name = parameter.name;
-    const name = Object.assign(document.createElement("span"), { textContent: label, title: parameter.name });
+    this.element.dataset.kind = parameter.kind;
+    const text = parameter.kind === "choice" ? label.replaceAll("_", " ") : label;
+    const name = Object.assign(document.createElement("span"), { textContent: text, title: parameter.name });
     this.#shown = document.createElement("output");
     this.#reset = Object.assign(document.createElement("button"), { type: "button", textContent: "↺" });
     this.#reset.setAttribute("aria-label", `${parameter.name}: as configured`);
@@ -145,7 +147,7 @@ class Row {
 
   #label(value) {
     const numbers = value.map(short).join(" "), { unit } = this.#parameter;
-    const text = unit && value.length === 1 ? `${numbers} ${unit}` : numbers;
+    const text = this.#parameter.kind === "choice" ? "" : unit && value.length === 1 ? `${numbers} ${unit}` : numbers;
     if (this.#shown.textContent !== text) this.#shown.textContent = text;
     this.#shown.title = `${numbers} ${unit}`;
     this.#reset.disabled = value.every((x, k) => x === this.#parameter.default[k]);
@@ -178,6 +180,7 @@ function controlsOf(parameter, value, change) {
       of: (v) => v[k], to: (x) => change(value().map((old, n) => (n === k ? x : old))),
     }));
   }
+  if (kind === "choice") return [choice(name, parameter.choices, { of: (v) => v[0], to: (x) => change([x]) })];
   const one = { of: (v) => v[0], to: (x) => change([kind === "whole" ? Math.round(x) : x]) };
   if (!(name in SOFT) && parameter.high - parameter.low > WIDEST) return [stops(name, parameter.default[0], one, parameter.low)];
   const [low, high] = SOFT[name] ?? [parameter.low, parameter.high];
@@ -210,6 +213,14 @@ function slider(name, [low, high, step], { of, to }) {
   const input = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step });
   input.setAttribute("aria-label", name);
   input.oninput = () => to(input.valueAsNumber);
+  return { input, take: (value) => { input.value = of(value); } };
+}
+
+function choice(name, names, { of, to }) {
+  const input = document.createElement("select");
+  input.setAttribute("aria-label", name);
+  input.append(...names.map((each, k) => new Option(each.replaceAll("_", " "), k)));
+  input.onchange = () => to(Number(input.value));
   return { input, take: (value) => { input.value = of(value); } };
 }
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from wall.core.colour import srgb_curve
 from wall.core.data import Float32, Float64
+from wall.core.tone_mapping import Tone
 from wall.deepbuffer.kernels.change import TRUSTED
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.reconstruction.gpu.device import GROUP, OBJECT_WORDS, Device, GpuError
@@ -177,10 +178,11 @@ class Passes:
         """(h, w, 3) float32, written: the image."""
         self._readback.read(self._shown, shown)
 
-    def read_display(self, rgb: NDArray[np.uint8], gain: np.float32) -> None:
-        """(h, w, 3) uint8, written: the image times `gain` as sRGB."""
+    def read_display(self, rgb: NDArray[np.uint8], tone: Tone) -> None:
+        """(h, w, 3) uint8, written: the image as sRGB, exposed and mapped."""
         items, values = -(-self._area // PIXELS_A_DISPLAY_ITEM), 3 * self._area
-        self._device.compute("display", items, (self._shown, self._curve, self._codes), values=values, gain=gain)
+        buffers = self._shown, self._curve, self._codes
+        self._device.compute("display", items, buffers, values=values, gain=tone.gain, mapping=tone.code)
         self._readback.read(self._codes, rgb)
 
     def find_surfaces(self, store: GpuStore, table: Float32) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Framelet, Rect, Samples
+from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.deep_buffer import (
     CLOCK_ORIGIN_S,
     SAMPLES_PER_PIXEL,
@@ -27,7 +28,7 @@ from wall.deepbuffer.pose import Pose, Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.geometry.panels import Panel
-from wall.reconstruction.display_values import gain_of, update_display
+from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import CONFIDENCE, TIME, GpuError, device
 from wall.reconstruction.gpu.passes import Passes
 from wall.reconstruction.gpu.relighting import Relighting
@@ -102,15 +103,15 @@ class GpuReconstruction:
             self._read = True
         return self._radiance
 
-    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
-        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed by so many stops.
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, tone: Tone = AS_IT_IS) -> None:
+        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed and mapped.
 
         A moving image travels as these bytes and no more.
         """
         if self._read:
-            update_display(self._radiance, dirty, TILE, rgb, stops=stops)
+            update_display(self._radiance, dirty, TILE, rgb, tone=tone)
         else:
-            self._passes.read_display(rgb, gain_of(stops))
+            self._passes.read_display(rgb, tone)
 
     @property
     def count(self) -> int:
@@ -207,8 +208,8 @@ class GpuReconstruction:
         """Whether the GPU has the image that is shown: while something moves, and it was not asked for."""
         return not self._read
 
-    def write_channels(self, covered: GpuReconstruction | None, out: Framelet, *, stops: float) -> None:
-        """Write colour, depth, object id and alpha of an image that the GPU has, exposed by so many stops.
+    def write_channels(self, covered: GpuReconstruction | None, out: Framelet, *, tone: Tone) -> None:
+        """Write colour, depth, object id and alpha of an image that the GPU has, exposed; display bytes also mapped.
 
         covered : an image on the GPU too, of where objects are, see channels.Coverage. Raises GpuError if the GPU is
         lost.
@@ -222,11 +223,11 @@ class GpuReconstruction:
             rays = np.stack([first + x * across + y * down, across, down])
             self._passes.make_channels(None if covered is None else covered._passes, rays)
         if out.encoded:
-            self._passes.read_display(out.colour, gain_of(stops))
+            self._passes.read_display(out.colour, tone)
         else:
             self._passes.read_shown(out.colour)
-            if stops != 0.0:
-                out.colour *= gain_of(stops)
+            if tone.stops != 0.0:
+                out.colour *= tone.gain
         for k, plane in enumerate(planes):
             if plane is not None:
                 self._passes.read_channel(k, plane)

@@ -9,6 +9,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.core.kernels.hashing import hash_uint32
+from wall.core.kernels.tone_mapping import NONE, shown_grey, slope_of_display
 from wall.deepbuffer.kernels.columns import BLUE, COUNT, GREEN, LUMINANCE_DEVIATIONS, LUMINANCE_MEAN, RED
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y
@@ -48,6 +49,14 @@ class Scores(NamedTuple):
     score: np.ndarray  # expected reduction of the squared error by one more sample
 
 
+class ShownAs(NamedTuple):
+    """How light is shown: times `gain`, then mapped by a curve of core.kernels.tone_mapping."""
+
+    gain: np.float32
+    mapping: int
+    white: np.float32  # exposed light that is shown as white, and all above
+
+
 class Pixels(NamedTuple):
     """Where positions of a region are placed."""
 
@@ -65,7 +74,7 @@ class Marks(NamedTuple):
 
 
 @kernel
-def score_moving(resolved, sample_density, accumulation, accumulating, floor, gain, scores):
+def score_moving(resolved, sample_density, accumulation, accumulating, floor, tone, scores):
     """Score pixels while something moves: contrast / (n (n + 1)), and holes above all.
 
     Parameters
@@ -74,15 +83,15 @@ def score_moving(resolved, sample_density, accumulation, accumulating, floor, ga
     sample_density : (h, w) float32, any strides; effective samples of each pixel
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
     accumulating : (rows,) bool, of every 16 rows: whether any of their pixels accumulates
-    floor : float32, added to every score, so that no pixel starves; gain : see score_still
+    floor : float32, added to every score, so that no pixel starves; tone : see score_still
     scores : Scores, written
     """
     height, width = scores.score.shape
     brightness = np.empty((3, width + 2), np.float32)
     for k in (2, 0):  # of the rows above and at row 0, which count as alike
-        measure_brightness(resolved[0], gain, brightness[k])
+        measure_brightness(resolved[0], tone, brightness[k])
     for i in range(height):
-        measure_brightness(resolved[min(i + 1, height - 1)], gain, brightness[(i + 1) % 3])
+        measure_brightness(resolved[min(i + 1, height - 1)], tone, brightness[(i + 1) % 3])
         up, own, down = brightness[(i + 2) % 3], brightness[i % 3], brightness[(i + 1) % 3]
         contrast, density, score = scores.contrast[i], scores.density[i], scores.score[i]
         measure_contrast(up, own, down, contrast)
@@ -97,15 +106,18 @@ def score_moving(resolved, sample_density, accumulation, accumulating, floor, ga
 
 
 @inline_kernel
-def measure_brightness(row, gain, brightness):
+def measure_brightness(row, tone, brightness):
     """Square root of the mean channel, about its display value, of a row of an image; its ends are repeated once.
 
-    row : (w, 3) float32, linear RGB; gain : see score_still; brightness : (w + 2,) float32, written
+    row : (w, 3) float32, linear RGB; tone : see score_still; brightness : (w + 2,) float32, written
     """
-    third = gain * np.float32(1.0 / 3.0)
+    third = tone.gain * np.float32(1.0 / 3.0)
     inner = brightness[1:-1]
     for j in range(inner.shape[0]):
         inner[j] = (row[j, 0] + row[j, 1] + row[j, 2]) * third
+    if tone.mapping != NONE:
+        for j in range(inner.shape[0]):
+            inner[j] = shown_grey(max(inner[j], ZERO), tone.mapping)
     for j in range(inner.shape[0]):
         inner[j] = math.sqrt(min(max(inner[j], ZERO), ONE))
     brightness[0], brightness[-1] = brightness[1], brightness[-2]
@@ -146,7 +158,7 @@ def moving_gain(contrast, n):
 
 
 @kernel
-def score_still(resolved, accumulation, floor, enough, gain, scores):
+def score_still(resolved, accumulation, floor, enough, tone, scores):
     """Score pixels while nothing moves: by their own variance; 0 where the standard error is below `enough`.
 
     Parameters
@@ -154,39 +166,40 @@ def score_still(resolved, accumulation, floor, enough, gain, scores):
     resolved : (h, w, 3) float32, linear RGB
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
     floor : float32, see score_moving; enough : float32, standard error in brightness that needs no more samples
-    gain : float32, what light is multiplied by before it is shown
+    tone : ShownAs
     scores : Scores, written
     """
     height, width = scores.score.shape
     brightness = np.empty((3, width + 2), np.float32)
     for k in (2, 0):  # of the rows above and at row 0, which count as alike
-        measure_brightness(resolved[0], gain, brightness[k])
+        measure_brightness(resolved[0], tone, brightness[k])
     for i in range(height):
-        measure_brightness(resolved[min(i + 1, height - 1)], gain, brightness[(i + 1) % 3])
+        measure_brightness(resolved[min(i + 1, height - 1)], tone, brightness[(i + 1) % 3])
         up, own, down = brightness[(i + 2) % 3], brightness[i % 3], brightness[(i + 1) % 3]
         contrast, density, score = scores.contrast[i], scores.density[i], scores.score[i]
         measure_contrast_of_four(up, own, down, contrast)
         pixels = accumulation[i]
         for j in range(width):
             density[j] = pixels[j, COUNT]
-            score[j] = still_gain(pixels[j], contrast[j], density[j], floor, enough, gain)
+            score[j] = still_gain(pixels[j], contrast[j], density[j], floor, enough, tone)
 
 
 @inline_kernel
-def still_gain(pixel, contrast, n, floor, enough, gain):
+def still_gain(pixel, contrast, n, floor, enough, tone):
     """Expected error reduction of one more sample: variance of n samples and one pseudo-sample of the contrast.
 
-    What counts is the error of the value shown, the square root of the mean light up to 1. So the variance is that of
-    light, by the curve's slope at the mean; and nothing is gained where all channels are surely above 1. Samples
-    themselves are not cut off: their mean would be too dark.
+    What counts is the error of the value shown, the square root of the mean light up to 1, or of what tone mapping
+    makes of it. So the variance is that of light, by the curve's slope at the mean; and nothing is gained where all
+    channels are surely shown as white. Samples themselves are not cut off: their mean would be too dark.
 
-    pixel : (8,) float32, its accumulation; gain : see score_still
+    pixel : (8,) float32, its accumulation; tone : see score_still
     """
+    gain = tone.gain
     deviations = gain * gain * pixel[LUMINANCE_DEVIATIONS]
-    slope = ONE / (FOUR * min(max(gain * pixel[LUMINANCE_MEAN], DARKEST), ONE))  # squared
+    slope = slope_of_display(max(gain * pixel[LUMINANCE_MEAN], DARKEST), tone.mapping)
     count = max(n, ONE)
     variance = min((slope * deviations + contrast) / count, count)  # no error is larger than the display's range
-    beyond = max(gain * min(pixel[RED], pixel[GREEN], pixel[BLUE]) - ONE, ZERO)
+    beyond = max(gain * min(pixel[RED], pixel[GREEN], pixel[BLUE]) - tone.white, ZERO)
     clipped = beyond * beyond * n * n > SURELY * (deviations + FOUR * contrast)
     known = (n >= MOST) | ((n >= BELIEVED) & (clipped | (variance < enough * enough * n)))
     return ZERO if known else variance / ((n + np.float32(0.5)) * (n + ONE)) + floor
@@ -336,14 +349,14 @@ def write_position(pixels, position):
 
 
 @kernel
-def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, gain, scores):
+def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, tone, scores):
     """Update the scores of pixels that received samples, and raise them around samples that contradict the image.
 
     Parameters
     ----------
     samples : (n,) SAMPLE; x0, y0 : int, panel pixel of score[0, 0]
     nothing_moves : bool, scores are those of score_still, else of score_moving
-    accumulation, floor, enough, gain : see score_still
+    accumulation, floor, enough, tone : see score_still
     scores : Scores, density and score are updated
     """
     contrast, density, score = scores.contrast, scores.density, scores.score
@@ -354,7 +367,7 @@ def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, gain, sco
             continue
         density[i, j] += ONE
         if nothing_moves:
-            new = still_gain(accumulation[i, j], contrast[i, j], density[i, j], floor, enough, gain)
+            new = still_gain(accumulation[i, j], contrast[i, j], density[i, j], floor, enough, tone)
         else:
             new = moving_gain(contrast[i, j], density[i, j]) + floor
         score[i, j] = new

@@ -1,0 +1,75 @@
+"""Legends over rendered images: those of the graph, at their places, whatever the image's size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from wall import cli
+from wall.commands.legends import legends_of
+from wall.config.loading import loads
+from wall.core.errors import ConfigError
+from wall.display.image_file import write_image
+from wall.roles.plan import make_layout
+
+PLAIN = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 1, rows: 1, pixels: [160, 120], size: [0.4, 0.3]}}
+views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}}]
+"""
+TEXT = PLAIN + """\
+graph:
+  nodes:
+    - {id: traced, op: samples, panel: r0c0}
+    - {id: drawn, op: reconstruct, input: traced}
+    - {id: told, op: legend, input: drawn, color_map: {range: [0, 9]}, area: [8, 16, 40, 80], size: 8}
+    - {id: file, op: sink, kind: png, input: told}
+"""
+LIGHT = 0.5
+
+
+def drawn(size: tuple[int, int] | None, shape: tuple[int, int]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Which pixels of a plain image legends change."""
+    image = np.full((*shape, 3), LIGHT, np.float32)
+    legends_of(make_layout(loads(TEXT)), size).draw(image)
+    return np.asarray((image != LIGHT).any(axis=2))
+
+
+def test_a_legend_covers_its_area_scaled_with_the_image_and_in_its_middle() -> None:
+    for size, shape, (left, top, right, bottom) in (
+        (None, (120, 160), (8, 16, 48, 96)),
+        ((320, 240), (240, 320), (16, 32, 96, 192)),
+        ((240, 120), (120, 240), (48, 16, 88, 96)),  # wider than the wall: 40 more on either side
+    ):
+        covered = drawn(size, shape)
+        assert covered[top:bottom, left:right].mean() > 0.99
+        assert not np.delete(np.delete(covered, np.s_[top:bottom], 0), np.s_[left:right], 1).any()
+        assert covered.sum() <= (bottom - top) * (right - left)
+
+
+def test_what_cannot_be_drawn_is_refused() -> None:
+    with pytest.raises(ConfigError, match="has no legend; wanted: a graph with a node of op: legend"):
+        legends_of(make_layout(loads(PLAIN)), None)
+    with pytest.raises(ConfigError, match=r"text of legend told would be 4 pixels high in 80x60; wanted: at least 6"):
+        legends_of(make_layout(loads(TEXT)), (80, 60))
+
+
+def test_render_draws_it_over_display_values_and_leaves_light_as_it_was(tmp_path: Path, compiled_only: None) -> None:
+    config, plain, with_legend = tmp_path / "wall.yaml", tmp_path / "plain.png", tmp_path / "legend.png"
+    config.write_text(TEXT)
+    for name, options in ((plain, []), (with_legend, ["--legend"])):
+        done = CliRunner().invoke(cli.app, ["render", str(config), "--spp", "1", "-o", str(name), *options])
+        assert done.exit_code == 0, done.output
+    changed = (np.array(Image.open(plain)) != np.array(Image.open(with_legend))).any(axis=2)
+    assert changed[16:96, 8:48].mean() > 0.9
+    assert changed.sum() <= 80 * 40
+
+    light = np.full((120, 160, 3), LIGHT, np.float32)
+    write_image(tmp_path / "light.npy", light, over=legends_of(make_layout(loads(TEXT)), None).draw)
+    assert (np.load(tmp_path / "light.npy") != LIGHT).any()
+    assert (light == LIGHT).all()

@@ -1,0 +1,60 @@
+"""`wall render --legend`: the legends of a configuration's graph, over an image of the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from wall.core.data import Framelet, Rect
+from wall.core.errors import ConfigError
+from wall.operators.legend import Drawn, Legend
+from wall.roles.plan import Layout
+
+SMALLEST = 6  # pixels of a line of text
+
+
+@dataclass(frozen=True, slots=True)
+class Legends:
+    """Legends of an image of one size, drawn anew for its pixels: text is sharp at any size."""
+
+    size: tuple[int, int]
+    drawn: tuple[tuple[Legend, Drawn], ...]
+
+    def draw(self, pixels: NDArray[Any]) -> None:
+        """Draw over (h, w, 3), float32 linear light or uint8 sRGB, in place."""
+        width, height = self.size
+        image = Framelet(rect=Rect(x=0, y=0, width=width, height=height), colour=pixels)
+        for legend, drawn in self.drawn:
+            region = drawn.rect.intersection(image.rect)
+            if region is not None:
+                legend.apply([image], image, region, drawn)
+
+
+def legends_of(layout: Layout, size: tuple[int, int] | None) -> Legends:
+    """Those of a layout's graph, as they stand on its wall. `size`: of the image, which the wall's height fills.
+
+    Raises ConfigError where there are none, or the image is too small for them.
+    """
+    found = [step.node for step in layout.graph.steps if isinstance(step.node, Legend)]
+    if not found:
+        wanted = "a graph with a node of op: legend (docs/guide/data.md)"
+        raise ConfigError(f"--legend: {layout.loaded.name} has no legend; wanted: {wanted}")
+    wall = layout.wall
+    width, height = size or (wall.width, wall.height)
+    scale = height / wall.height
+    left = (width - scale * wall.width) / 2.0
+    drawn = []
+    for legend in found:
+        x, y, across, down = legend.area
+        area = round(left + scale * x), round(scale * y), round(scale * across), round(scale * down)
+        text = round(scale * legend.size)
+        if text < SMALLEST or min(area[2:]) < 4 * text:
+            raise ConfigError(
+                f"--legend: text of legend {legend.id} would be {text} pixels high in {width}x{height}; "
+                f"wanted: at least {SMALLEST}, a larger --size"
+            )
+        scaled = legend.model_copy(update={"area": area, "size": text})
+        drawn.append((scaled, scaled.prepare(layout.loaded.folder, ())))
+    return Legends((width, height), tuple(drawn))

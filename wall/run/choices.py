@@ -1,0 +1,75 @@
+"""What viewers of the page may show instead: configurations and models of the run's folder, and built-in scenes."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+from wall.config.loading import load, with_scene
+from wall.core.errors import ConfigError, EditError
+from wall.display.base import Offers
+from wall.roles.config_edits import text_of
+from wall.roles.plan import Layout, make_layout
+from wall.roles.reloading import check_fits
+from wall.scene.sources import BUILT_IN
+
+CONFIGURATIONS, MODELS = (".yaml", ".yml"), (".glb", ".gltf", ".obj", ".ply", ".stl")
+MOST_FILES = 64  # of either kind: looking into so many configurations takes half a second
+MOST_BYTES = 1 << 18  # of a configuration
+
+
+class Choices:
+    """Names of what may be shown instead of a layout's configuration; no other file can be named."""
+
+    def __init__(self, layout: Layout) -> None:
+        """Looks into the folder: of its configurations those are offered that can replace this one as it runs."""
+        self._layout = layout
+        folder = layout.loaded.folder
+        self._configurations = [path.name for path in _files(folder, CONFIGURATIONS) if self._fits(path)]
+        self._models = [path.name for path in _files(folder, MODELS)]
+        self.names = (*self._configurations, *self._models, *BUILT_IN)
+        self.shown = self._shown()
+
+    def load(self, name: str) -> tuple[str, str]:
+        """The text of a configuration, and the path of its file. Raises EditError."""
+        loaded = self._layout.loaded
+        try:
+            if name in self._configurations:
+                path = loaded.folder / name
+                return path.read_text(encoding="utf-8"), str(path)
+            if name in (*self._models, *BUILT_IN):
+                other = with_scene(loaded, str(loaded.folder / name) if name in self._models else name)
+                return text_of(other.config), str(loaded.path)
+        except (OSError, ValueError, ConfigError) as error:
+            raise EditError(f"{name}: {error}") from error
+        raise EditError(f"{name[:60]!r}: is no choice; accepted: {', '.join(self.names)}")
+
+    def _fits(self, path: Path) -> bool:
+        with suppress(OSError, ConfigError):
+            if path.is_file() and path.stat().st_size <= MOST_BYTES:
+                check_fits(self._layout, make_layout(load(path)))
+                return True
+        return False
+
+    def _shown(self) -> str:
+        """Which one runs: a configuration as its file says, or what it shows in place of that."""
+        loaded = self._layout.loaded
+        with suppress(OSError, ConfigError):
+            if loaded.path.name in self._configurations and load(loaded.path).config == loaded.config:
+                return loaded.path.name
+        source = loaded.config.scene.source
+        name = Path(source).name if isinstance(source, str) else ""
+        return name if name in (*self._models, *BUILT_IN) else ""
+
+
+def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    with suppress(OSError):
+        return sorted(path for path in folder.iterdir() if path.suffix.lower() in suffixes)[:MOST_FILES]
+    return []
+
+
+def offer(sink: Offers, layout: Layout) -> None:
+    """Offer viewers the choices of a layout, as soon as they are found, unless it is to offer none."""
+    if layout.config.output.browser.choices:
+        threading.Thread(target=lambda: sink.offer(Choices(layout)), daemon=True, name="choices").start()
