@@ -11,18 +11,17 @@ import contextlib
 from collections import defaultdict, deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError
-from wall.display.base import Answer, Choices, Handles, PanelImage, ParameterState, Status, WallImage, ZoomedPlace
+from wall.display.base import Answer, Choices, PanelImage, Status, WallImage, ZoomedPlace
 from wall.display.gate import Pace
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
 from wall.display.page_files import page_file, table_of
+from wall.display.page_viewer import PageViewer, Shown
 from wall.display.parts import Held, PanelChanges, Part, Piece, parts_of
 from wall.display.png import png_bytes
 from wall.display.requests import Requests
@@ -46,32 +45,7 @@ STATUS_PERIOD_S = 0.25  # as often as numbers can be read
 MAX_VIEWERS = 8
 KEPT_FOR_STEERING = 2  # of them, where others only watch
 MAX_COMMANDS = 256  # 4 s of one viewer's dragging
-MAX_REQUESTS = 16  # of one viewer that wait for an answer, or to be sent it; no more is read from it meanwhile
 HEARTBEAT_S = 5.0  # a viewer whose machine vanished is forgotten after about this time
-
-
-_Shown = tuple[bool, int]  # second image of two that are compared, panel
-
-
-@dataclass(slots=True, eq=False)
-class _Viewer:
-    socket: web.WebSocketResponse
-    steers: bool = True
-    wake: asyncio.Event = field(default_factory=asyncio.Event)
-    held: dict[_Shown, Held] = field(default_factory=lambda: defaultdict(Held))
-    in_flight: deque[int] = field(default_factory=deque)  # numbers of images sent, not yet drawn
-    number: int = 0
-    layout: str = ""  # as last sent
-    choices: Choices | None = None  # as last sent
-    told: tuple[object, ...] = ()  # of the status, as last sent
-    status_due: float = 0.0
-    overlay: str = ""  # one of OVERLAYS
-    samples: bool = False  # it makes images itself, of what samples there are
-    shows: bool = True  # it wants images, or samples, and status
-    requests: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(MAX_REQUESTS))
-    statistics_images: tuple[StatisticsImage, ...] = ()  # as last sent
-    parameters: tuple[ParameterState, ...] = ()  # as last sent
-    handles: Handles | None = None  # as last sent
 
 
 class Browser:
@@ -108,14 +82,15 @@ class Browser:
         self._max_viewers = max_viewers
         self._layout, self._wall, self._folder = layout_message(wall, views, why_images), wall, folder
         self._newest: tuple[WallImage, Status] | None = None
-        self._viewers: set[_Viewer] = set()
+        self._viewers: set[PageViewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
-        self._requests, self._most_bytes = Requests[_Viewer](loads=load), MAX_LOAD_BYTES if load else MAX_REQUEST_BYTES
+        self._requests = Requests[PageViewer](loads=load)
+        self._most_bytes = MAX_LOAD_BYTES if load else MAX_REQUEST_BYTES
         self._answering: set[asyncio.Task[None]] = set()
         self._stores: dict[int, SampleStore] = {}  # of panels whose samples come
         # the encoder's own: what was encoded, by Part.key, and what changed
-        self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, list[Piece]]]] = {}
-        self._changes: dict[_Shown, PanelChanges] = defaultdict(PanelChanges)
+        self._encoded: dict[Shown, dict[tuple[object, ...], tuple[int, list[Piece]]]] = {}
+        self._changes: dict[Shown, PanelChanges] = defaultdict(PanelChanges)
         self._statistics_wanted = False  # as last told by `commands`
         self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
@@ -243,7 +218,7 @@ class Browser:
             self._counters["browser_viewer_refused"] += 1
             await connection.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too many viewers")
             return connection
-        viewer, pace = _Viewer(connection, steers), Pace(self._loop.time())
+        viewer, pace = PageViewer(connection, steers), Pace(self._loop.time())
         self._viewers.add(viewer)
         feeder = asyncio.create_task(self._feed(viewer))
         try:
@@ -260,7 +235,7 @@ class Browser:
             await asyncio.gather(feeder, return_exceptions=True)
         return connection
 
-    async def _take(self, viewer: _Viewer, text: str) -> None:
+    async def _take(self, viewer: PageViewer, text: str) -> None:
         try:
             message = parse_message(text)
         except RemoteProtocolError:
@@ -282,7 +257,7 @@ class Browser:
         else:
             self._commands.append(message)
 
-    async def _ask(self, viewer: _Viewer, message: dict[str, Any], size: int) -> None:
+    async def _ask(self, viewer: PageViewer, message: dict[str, Any], size: int) -> None:
         """Hand a request on, or refuse it here, once there is room for one more answer."""
         await viewer.requests.acquire()
         number, own = self._requests.take(viewer, message)
@@ -304,12 +279,12 @@ class Browser:
             self._answering.add(sending)  # or nobody would hold it
             sending.add_done_callback(self._answering.discard)
 
-    async def _send_answer(self, viewer: _Viewer, text: str) -> None:
+    async def _send_answer(self, viewer: PageViewer, text: str) -> None:
         with contextlib.suppress(ConnectionError):  # the viewer left
             await viewer.socket.send_str(text)
         viewer.requests.release()
 
-    def _drawn(self, viewer: _Viewer, number: int) -> None:
+    def _drawn(self, viewer: PageViewer, number: int) -> None:
         if number not in viewer.in_flight:
             self._counters["browser_bad_message"] += 1
             return
@@ -317,7 +292,7 @@ class Browser:
             pass
         viewer.wake.set()
 
-    async def _feed(self, viewer: _Viewer) -> None:
+    async def _feed(self, viewer: PageViewer) -> None:
         """Send what is new until the connection ends."""
         try:
             while True:
@@ -340,7 +315,7 @@ class Browser:
             self._counters["browser_feed_failed"] += 1
             await viewer.socket.close(code=WSCloseCode.INTERNAL_ERROR, message=repr(error).encode()[:120])
 
-    async def _send(self, viewer: _Viewer, image: WallImage, status: Status) -> None:
+    async def _send(self, viewer: PageViewer, image: WallImage, status: Status) -> None:
         # to a command, for which the viewer waits, or something that it must not see as alive
         answer = (status.paused, status.sampler, status.compare, status.stale)
         if self._loop.time() >= viewer.status_due or answer != viewer.told:
@@ -384,8 +359,8 @@ class Browser:
             part.sent(held, version, pieces)
 
     def _encode(
-        self, wanted: list[tuple[_Shown, Held, PanelImage, SampleStore | None]], now: float
-    ) -> list[tuple[_Shown, Held, Part, int, list[Piece]]]:
+        self, wanted: list[tuple[Shown, Held, PanelImage, SampleStore | None]], now: float
+    ) -> list[tuple[Shown, Held, Part, int, list[Piece]]]:
         """What a viewer needs of panels, its version and pieces: encoded once, however many viewers get them."""
         made = []
         for shown, held, panel, store in wanted:

@@ -21,8 +21,9 @@ from manager_run import plan_of
 from wall.client import Client, connect
 from wall.core.errors import EditError, RunError
 from wall.display.base import Answer
-from wall.display.browser import MAX_REQUESTS, Browser
+from wall.display.browser import Browser
 from wall.display.page_client import stream_of
+from wall.display.page_viewer import MAX_REQUESTS
 from wall.display.requests import Requests
 from wall.display.steering import MAX_LOAD_BYTES, MAX_REQUEST_BYTES
 from wall.geometry.steering import Kind
