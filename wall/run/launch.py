@@ -5,7 +5,6 @@ The same few lines run under mpirun and on a laptop; only where the ranks come f
 
 from __future__ import annotations
 
-import os
 import socket
 import tempfile
 from collections.abc import Callable, Sequence
@@ -194,7 +193,7 @@ def prepare(
     `ranks`: those that are to run on this machine, which are refused if they need more memory than it has left.
     """
     say("loading the scene")
-    plan = replace(make_plan(layout), cores=max(len(os.sched_getaffinity(0)) // processes, 1) if processes else 1)
+    plan = replace(make_plan(layout), cores=usable_cores() / processes if processes else 1.0)
     for note in (*layout.notes, *plan.scene.notes):
         say(f"note: {note}")
     if ranks:
