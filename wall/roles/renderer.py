@@ -89,8 +89,8 @@ class Renderer:
 
     @property
     def hurries(self) -> bool:
-        """Whether an image of a view that it jumped to is still to be shown."""
-        return self.image is not None and any(image.refinement.first for image in self.image.images)
+        """See RendererImage."""
+        return self.image is not None and self.image.hurries
 
     def waits(self, now: float) -> bool:
         """Whether a region has traced as many samples by now as its layer may have, or its image becomes finer."""

@@ -204,6 +204,11 @@ class RendererImage:
             image.view.due = max(image.view.due, now + took / SHARE_OF_TIME)
 
     @property
+    def hurries(self) -> bool:
+        """Whether a camera has jumped to what no image shows yet."""
+        return any(image.refinement.first for image in self.images)
+
+    @property
     def due(self) -> float:
         """When the next refresh is due, seconds of the head's clock; with a barrier, when the last view's is."""
         return (max if self.barrier else min)(image.view.due for image in self.images)

@@ -25,13 +25,15 @@ class Turns:
         self._free = multiprocessing.get_context("fork").Semaphore(1)
         self._began: float | None = None  # this process's turn, seconds; None: it has none
 
-    def begin(self) -> None:
-        """Wait for a turn, unless this process has it."""
-        if self._began is None:
-            self._free.acquire(timeout=LONGEST_S)
-            while self._free.acquire(block=False):  # of one who did not wait for it
-                pass
-            self._began = self._now()
+    def begin(self) -> bool:
+        """Wait for a turn, unless this process has it. Returns whether the others have none."""
+        if self._began is not None:
+            return True
+        alone = self._free.acquire(timeout=LONGEST_S)
+        while self._free.acquire(block=False):  # of one who did not wait for it
+            pass
+        self._began = self._now()
+        return alone
 
     def end(self, *, hold: bool = False) -> None:
         """End the turn, and let others go on; `hold`: not yet, if it is not a long one already."""
