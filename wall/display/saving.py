@@ -13,7 +13,7 @@ from wall.core.errors import RunError
 
 SAVE_S = 5.0  # between two times: what a run loses at most that is killed
 SHARE = 50  # saving takes at most one part in so many of a core's time: large walls are saved less often
-_LEAST_PRIORITY = 19
+NICER = 10  # than its process: what has least priority keeps the interpreter's lock for long where all cores are busy
 
 
 class Saver:
@@ -33,7 +33,8 @@ class Saver:
         self._thread.join()
 
     def _run(self) -> None:
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LEAST_PRIORITY)
+        own = threading.get_native_id()
+        os.setpriority(os.PRIO_PROCESS, own, os.getpriority(os.PRIO_PROCESS, own) + NICER)  # 19 at most
         wait_s, failed_before = self._every_s, False
         while not self._ending.wait(wait_s):
             began = time.monotonic()

@@ -49,6 +49,7 @@ RATE_SPAN_S = 1.0  # refreshes a second are an average over at least so long
 SHOWN_NOTES = 4  # on the page, the newest
 REFUSAL_SHOWN_S = 6.0
 BETWEEN_ARRIVALS_S = 0.004  # images of others are shown as they are due, but no more often than this
+RESTS_S = 0.1  # see Compositor._tell_completeness
 LAST_S = 2.0  # at the end packets that are on their way are taken in for so long at most
 
 
@@ -96,7 +97,7 @@ class Compositor:
         self._others = {step.index for step in needed_from_others(graph, hello.rank)}
         self._shows_only = shows_only(graph, hello.rank)
         self._shown_at = -math.inf  # when a refresh was last
-        self._complete = False  # what the manager was told
+        self._complete, self._rests_since = False, math.inf  # what the manager was told; complete since then
         self._began: float | None = None
         files = (step.node for step in graph.sinks_on(hello.rank) if isinstance(step.node, SinkNode))
         self._shows_last = hello.rank == HEAD or any(node.kind in ("png", "recorder") for node in files)
@@ -194,13 +195,23 @@ class Compositor:
             elif view.event is not None and now >= self._arrivals_due:
                 yield from self._refresh(view, view.event, view.event, now)
         yield from self._sent.counted(self.composition.send())
-        complete = self._is_complete()
-        if complete != self._complete or self.standing.beat_due(now):
-            self._complete = complete
-            yield from self._beat(now)
+        yield from self._tell_completeness(now)
         self.due = min(self._arrivals_due, *(view.due for view in self._views))
         if self._stop_at is not None:
             self.due = now
+
+    def _tell_completeness(self, now: float) -> Iterator[Instruction]:
+        """Beat when that is due, and once this rank is complete, or is not any more.
+
+        One that only shows what others make is either with each of their images: it is complete after RESTS_S of rest.
+        """
+        complete = self._is_complete()
+        self._rests_since = min(self._rests_since, now) if complete else math.inf
+        rested = now - self._rests_since >= RESTS_S
+        news = complete != self._complete and (rested or not self._shows_only)
+        if news or self.standing.beat_due(now):
+            self._complete = complete and (rested or not self._shows_only)
+            yield from self._beat(now)
 
     @property
     def _arrivals_due(self) -> float:

@@ -49,6 +49,7 @@ from wall.roles.updates import EditsTaken
 NO_RENDERER = "no renderer is left"
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 SETTLED_S = 0.4  # a complete image that has not changed for this long is final
+BEATS_APART = 0.9  # of heartbeat_s: what comes between two heartbeats is news for the manager, and not for the table
 REPEAT_S = 0.5  # events are said again, at the latest
 HOLD_S = 0.5  # at the end the last view is held for so long at most, to get all its samples
 BYE_WAIT_S = 0.8  # for the ranks' last heartbeats
@@ -78,6 +79,7 @@ class Manager:
         layout = plan.layout
         self.due = now
         self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
+        self._told_due: dict[int, float] = {}  # by rank: from then on the head is told of the next one
         self.escape = ""  # where Escape was pressed
         self.ended = ""  # why the run ends, once it does
         self.counters, self.configurations = Counter[str](), 1  # that the run has had
@@ -166,7 +168,9 @@ class Manager:
                 known = self.register.hear(message, self.heartbeats.get(message.rank), now)
                 if known is not None:
                     self.heartbeats[message.rank] = known
-                    yield Send(HEAD, known)
+                    if known.last or now >= self._told_due.get(message.rank, -math.inf):
+                        self._told_due[message.rank] = now + BEATS_APART * self._layout.config.transport.heartbeat_s
+                        yield Send(HEAD, known)
             elif isinstance(message, WindowInput):
                 yield from self._take_input(message, now)
             elif isinstance(message, Note):

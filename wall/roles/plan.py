@@ -143,7 +143,7 @@ class Plan:
     number: int = 0  # of the configuration: how many the run was asked to adopt before
     since: int = 0  # its first camera event
     other_scenes: tuple[Scene | None, ...] = ()  # the scene as views after the first show it; None: as the first
-    cores: int = 1  # of its machine that each process of the run may keep busy
+    cores: float = 1.0  # of its machine that each process of the run may keep busy
 
     def scene_of(self, view: int) -> Scene:
         """The scene as a view shows it: with that view's integrator and lens."""

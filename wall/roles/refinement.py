@@ -18,7 +18,7 @@ from wall.sampling.sweep import Sweep
 FIRST_PERIODS = 1.5  # refresh intervals that the first sweep and its image may take
 FEWEST = 1 << 10  # pixels at least of the first image, about
 LONGEST_S = 0.5  # a finer sweep that would take longer is not begun
-RAY_S, PIXEL_S = 1e-6, 1e-7  # seconds a ray, and a pixel of a refresh, while none was measured
+RAY_S, PIXEL_S = 1e-6, 1e-7  # seconds of a core for a ray, and a pixel of a refresh, while none was measured
 PAUSE_S = 0.2  # between two batches: after a longer time there was nothing to trace
 REMEMBERED_S = 0.5  # of time that was spent weighs most
 NOWHERE: Float32 = np.empty((0, 2), np.float32)
@@ -45,10 +45,10 @@ class Cost:
 class Refinement:
     """Of one image. Pure: `begin` after a jump, `take` rays, `shown` after each refresh."""
 
-    def __init__(self, panel: Panel, period: float) -> None:
-        """`period`: seconds between refreshes."""
+    def __init__(self, panel: Panel, period: float, cores: float = 1.0) -> None:
+        """`period`: seconds between refreshes; `cores`: that this process has, as far as that is known."""
         self._panel, self._period = panel, period
-        self._rays, self._pixels_made = Cost(RAY_S), Cost(PIXEL_S)
+        self._rays, self._pixels_made = (Cost(each / min(cores, 1.0)) for each in (RAY_S, PIXEL_S))
         self._traced_at, self._refreshing_s = -math.inf, 0.0  # the newest batch; spent on refreshes since
         self.scale = 1  # of the image that is swept: pixels of the panel that are one, in each direction
         self.active = self.first = False  # `first`: no image of it was shown yet

@@ -87,6 +87,11 @@ class Renderer:
         """Whether nothing is missing under the newest events."""
         return all(region.complete for region in self.regions)
 
+    @property
+    def hurries(self) -> bool:
+        """See RendererImage."""
+        return self.image is not None and self.image.hurries
+
     def waits(self, now: float) -> bool:
         """Whether a region has traced as many samples by now as its layer may have, or its image becomes finer."""
         finer = self.image is not None and not all(image.whole for image in self.image.images)

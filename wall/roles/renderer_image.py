@@ -38,7 +38,7 @@ class OwnImage:
         self.weight = plan.layout.config.views[region.view].weight
         self._moved_at = -math.inf  # the last refresh that showed another event than the one before, seconds
         self._budget, self._resolution = SampleBudget(), ResolutionChoice(self._layer.panel)
-        self.refinement = Refinement(self._layer.panel, self.view.period)
+        self.refinement = Refinement(self._layer.panel, self.view.period, plan.cores)
         self._refines = self._layer.panel.scan is None and not plan.layout.config.barrier
         self._waits, self._due = math.inf, -math.inf  # for so many samples; when a refresh is due once they came
         self._swept_by = math.inf  # then an image is shown, whether its first sweep has ended or not
@@ -202,6 +202,11 @@ class RendererImage:
         took, self._spent = spent - self._spent, spent
         for image in self.images:
             image.view.due = max(image.view.due, now + took / SHARE_OF_TIME)
+
+    @property
+    def hurries(self) -> bool:
+        """Whether a camera has jumped to what no image shows yet."""
+        return any(image.refinement.first for image in self.images)
 
     @property
     def due(self) -> float:

@@ -38,7 +38,7 @@ def threads_of(plan: Plan, layer: Layer) -> int:
     """
     width, height = plan.layout.wall.traced[layer.traced].pixels
     layers = len(plan.layout.graph.layers_on(layer.compositor))
-    return max(1, min(plan.cores // layers, width * height // PIXELS_A_THREAD))
+    return max(1, min(int(plan.cores / layers), width * height // PIXELS_A_THREAD))
 
 
 def _by_threads(choice: Choice, threads: int) -> Choice:

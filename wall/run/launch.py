@@ -5,7 +5,6 @@ The same few lines run under mpirun and on a laptop; only where the ranks come f
 
 from __future__ import annotations
 
-import os
 import socket
 import tempfile
 from collections.abc import Callable, Sequence
@@ -33,6 +32,7 @@ from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
 from wall.run.control_file import check_free, claimed
+from wall.run.cores import usable_cores
 from wall.run.first_look import dark_views
 from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
@@ -42,6 +42,7 @@ from wall.run.ranks import serve
 from wall.run.recording import begin_recording, check_unused
 from wall.run.same_files import check_same
 from wall.run.succession import Preparer
+from wall.run.turns import Turns
 from wall.run.usage import give_memory_back
 from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -86,11 +87,13 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
     if options.record is not None:
         begin_recording(options.record, plan)
 
+    turns = Turns() if usable_cores() <= 1.0 and layout.config.transport.kind != "loopback" else None
+
     def main(bootstrap: Bootstrap) -> None:
         preparer = Preparer(plan, machines)
         serve(
             plan, tracer_scene, bootstrap, preparer,
-            headless=options.headless, out=options.out, record=options.record,
+            headless=options.headless, out=options.out, record=options.record, turns=turns,
         )  # fmt: skip
 
     bootstrap: Bootstrap
@@ -190,7 +193,7 @@ def prepare(
     `ranks`: those that are to run on this machine, which are refused if they need more memory than it has left.
     """
     say("loading the scene")
-    plan = replace(make_plan(layout), cores=max(len(os.sched_getaffinity(0)) // processes, 1) if processes else 1)
+    plan = replace(make_plan(layout), cores=usable_cores() / processes if processes else 1.0)
     for note in (*layout.notes, *plan.scene.notes):
         say(f"note: {note}")
     if ranks:

@@ -38,9 +38,11 @@ from wall.roles.instructions import (
     Tell,
     Trace,
 )
+from wall.roles.renderer import Renderer
 from wall.run.ports import Ports
 from wall.run.succession import Preparer, Succession
 from wall.run.tracers import BatchError, Tracers
+from wall.run.turns import Turns
 from wall.run.usage import Usage, usage
 
 Source = Callable[[], Iterable[Input]]  # of messages that come by other ways than the network
@@ -63,11 +65,12 @@ class Loop:
         shown: OnShown | None = None,
         succession: Succession | Preparer | None = None,
         used: Callable[[], Usage] = usage,
+        turns: Turns | None = None,
     ) -> None:
         """`tracers` execute Trace, `sinks` take what is shown; after them `shown` is told of it, too.
 
         `sources` are asked at least every `longest_wait_s`. `succession`: of a rank, or what prepares for the manager;
-        None: the configuration stays.
+        None: the configuration stays. `turns`: a renderer takes with others; None: it goes on as it can.
         """
         self.role, self.finished = role, False
         self._succession, self._membership = succession, Membership()
@@ -75,7 +78,7 @@ class Loop:
         self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
         self._sample_sinks = [sink for sink in sinks if isinstance(sink, TakesSamples)]
         self._tellers = [sink for sink in sinks if isinstance(sink, TellsStatus)]
-        self._sources, self._longest_wait_s = sources, longest_wait_s
+        self._sources, self._longest_wait_s, self._turns = sources, longest_wait_s, turns
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
         """Turn until the role finishes, or `alive` does not hold. Raises RunError where the role ends by a failure."""
@@ -89,12 +92,26 @@ class Loop:
     def _run(self, alive: Callable[[], bool]) -> None:
         self._ports.synchronise()
         while not self.finished and alive():
-            self.turn()
+            self._take_turn()
             wait_s = min(max(0.0, self.role.due - self._clock.now()), self._longest_wait_s)
             if self._tracers is not None and self._tracers.running:
                 self._tracers.wait(wait_s)
             elif wait_s > 0 and not self.finished:
                 self._ports.wait(wait_s)
+
+    def _take_turn(self) -> None:
+        """Turn once, alone among those who share `turns`."""
+        if self._turns is None:
+            self.turn()
+            return
+        self._turns.begin()
+        try:
+            self.turn()
+        except BaseException:
+            self._turns.end()
+            raise
+        hurries = isinstance(self.role, Renderer) and self.role.hurries
+        self._turns.end(hold=hurries and not self.finished)
 
     def close(self) -> None:
         """End the threads that trace."""

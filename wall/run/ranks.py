@@ -35,6 +35,7 @@ from wall.run.recording import RecordedClock, RecordedPorts, file_of
 from wall.run.sinks import distinct, lay_out, make_sinks, notes_of, save_images, window_input_of
 from wall.run.succession import Preparer, Succession
 from wall.run.tracers import OnTraced, Tracers
+from wall.run.turns import Turns
 from wall.tracing.tracer_scene import TracerScene
 from wall.transport.base import Hub, Link
 from wall.transport.curve import Keys
@@ -55,11 +56,12 @@ def serve(
     out: Path,
     record: Path | None = None,
     sources: Sequence[Source] = (),
+    turns: Turns | None = None,
 ) -> None:
     """Be a rank other than the head, until the manager says stop.
 
     `preparer`: of configurations that follow; `out`: folder for files of sinks here; `record`: folder for what
-    renderers are told; `sources`: of what a renderer is told by other ways than the network.
+    renderers are told; `sources`: of what a renderer is told by other ways than the network; `turns`: that it takes.
     """
     rank, address = bootstrap.rank, json.loads(bootstrap.broadcast(""))
     if "number" in address:
@@ -71,7 +73,7 @@ def serve(
         if isinstance(bootstrap, LocalBootstrap | JoinedBootstrap):
             os.nice(RENDERER_NICE)
         file = file_of(record, rank, address.get("life", 0)) if record is not None else None
-        _render(plan, tracer_scene, bootstrap, address, preparer, file, sources)
+        _render(plan, tracer_scene, bootstrap, address, preparer, file, sources, turns)
     else:
         _compose(plan, bootstrap, address, preparer, out, headless=headless)
 
@@ -96,6 +98,7 @@ def _render(
     preparer: Preparer,
     record: Path | None,
     sources: Sequence[Source],
+    turns: Turns | None,
 ) -> None:
     """`record`: a file that keeps all that it is told; then its workers take turns, so that there is one order."""
     rank, keys, life = bootstrap.rank, bootstrap.keys, int(address.get("life", 0))
@@ -130,7 +133,7 @@ def _render(
 
         renderer, tracers = make(plan, tracer_scene, None)
         succession = Succession(rank, preparer, make)
-        loop = Loop(renderer, ports, clock, tracers=tracers, sources=sources, succession=succession)
+        loop = Loop(renderer, ports, clock, tracers=tracers, sources=sources, succession=succession, turns=turns)
         closing.callback(loop.close)
         loop.run()
 

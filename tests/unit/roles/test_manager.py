@@ -15,7 +15,7 @@ from wall.core.data import Event
 from wall.core.errors import RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Selection, Statistics, WindowInput
+from wall.packets.control import Heartbeat, Selection, Statistics, WindowInput
 from wall.roles.director import Director
 from wall.roles.instructions import End, Packet
 from wall.roles.manager import HOLD_S, SETTLED_S
@@ -51,6 +51,18 @@ def test_pause_stops_scene_and_path_until_it_ends(plan: Plan) -> None:
     director.update([command(kind="pause")], 5.0)
     director.update([], 5.25)
     assert director.event.scene_time == pytest.approx(1.25), "the pause has not been counted"
+
+
+def test_the_head_hears_of_every_rank_at_its_pace_and_not_more_often(plan: Plan) -> None:
+    run, told = Run(plan), list[float]()
+    run.tell(hello(1))
+    for _ in range(20):
+        (beat,) = run.beats(1, complete=False)
+        told += [run.now for to, m in run.tell(beat, after=0.05) if isinstance(m, Heartbeat) and to == HEAD]
+    assert len(told) == 10, "heartbeats are 0.1 s apart"
+
+    (last,) = run.beats(1, last=True)
+    assert (HEAD, last) in run.tell(last, after=0.01)
 
 
 def test_a_kept_camera_is_recalled_and_pages_hear_of_it(plan: Plan) -> None:

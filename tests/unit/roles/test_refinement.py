@@ -47,6 +47,11 @@ def test_the_first_image_has_as_many_pixels_as_a_refresh_interval_pays_for(ray_s
     assert scale == 8 or 480 * 270 / scale**2 <= 1.2 * pays_for
 
 
+@pytest.mark.parametrize(("cores", "scale"), [(2.0, 2), (1.0, 2), (0.05, 8)])
+def test_where_nothing_was_measured_a_process_reckons_with_its_share_of_the_cores(cores: float, scale: int) -> None:
+    assert Refinement(panel_of(480, 270), PERIOD_S, cores).begin(1) == scale
+
+
 def test_others_who_take_the_cores_between_batches_make_rays_dear() -> None:
     alone, beside = Refinement(panel_of(480, 270), PERIOD_S), Refinement(panel_of(480, 270), PERIOD_S)
     for k in range(200):

@@ -15,12 +15,15 @@ from wall.core.clock import ManualClock
 from wall.core.data import Camera
 from wall.core.errors import ConfigError
 from wall.geometry.twist import rotation_by
-from wall.packets.control import parse_control
+from wall.packets.control import Heartbeat, parse_control
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import is_samples
 from wall.roles import refinement
 from wall.roles.adaptive_renderer import AdaptiveRenderer
+from wall.roles.compositor import Compositor
+from wall.roles.instructions import Input, Packet, Send
 from wall.roles.plan import (
+    HEAD,
     Layout,
     Plan,
     first_event,
@@ -31,7 +34,7 @@ from wall.roles.plan import (
 )
 from wall.roles.renderer_image import LONGEST_SWEEP_S, RendererImage
 from wall.roles.sample_budget import LEAST_SHARE
-from wall.run.single_process import SingleProcess
+from wall.run.single_process import SingleProcess, hello_of
 from wall.run.tracers import Tracers
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
@@ -309,10 +312,12 @@ def test_after_a_jump_the_image_stays_until_a_coarse_one_is_whole_which_then_bec
 
     jump(one, 0.5 * np.pi)
     assert image.reconstruction.scale == 4
+    assert one.images.hurries
     assert len(one.images_sent()) == 0
     assert image.reconstruction.refreshes == refreshes, "nothing is shown before it is swept"
     assert one.trace() == 12 * 8
     assert len(one.images_sent()) > 0
+    assert not one.images.hurries
     assert image.reconstruction.refreshes == refreshes + 1
     assert np.abs(codes_of(one).astype(int) - before).mean() > 5, "another view"
     assert image.reconstruction.block_weights().min() > 0, "without holes"
@@ -324,6 +329,37 @@ def test_after_a_jump_the_image_stays_until_a_coarse_one_is_whole_which_then_bec
         scales.append(image.reconstruction.scale)
     assert sorted(set(scales), reverse=True) == [4, 2], "what takes more than half a second is left to the sampler"
     assert scales == sorted(scales, reverse=True)
+
+
+def test_a_head_that_shows_images_as_they_come_tells_of_its_rest_not_of_each(
+    tracer_scene: TracerScene, compiled_only: None
+) -> None:
+    one, beats = OneRenderer(tracer_scene), list[Heartbeat]()
+    head = Compositor(one.plan, hello_of(HEAD), lambda rank: True)
+
+    def tell(*messages: Input) -> None:
+        asked = [each for message in messages for each in head.on_message(message, one.clock.now())]
+        asked += head.on_tick(one.clock.now())
+        beats.extend(i.message for i in asked if isinstance(i, Send) and isinstance(i.message, Heartbeat))
+
+    tell(one.event)
+    images = 0
+    for _ in range(12):
+        one.trace()
+        one.clock.advance(0.034)
+        packets = [Packet(packet) for packet in one.images_sent()]
+        images += len(packets)
+        tell(*packets)
+        one.clock.advance(0.034)
+        tell()
+    assert images >= 8
+    assert len(beats) <= 9, "in 0.8 s, every 0.1 s"
+    assert not any(beat.complete for beat in beats)
+
+    for _ in range(30):
+        one.clock.advance(0.01)
+        tell()
+    assert beats[-1].complete
 
 
 def test_a_camera_that_moves_a_little_is_no_jump(tracer_scene: TracerScene, compiled_only: None) -> None:

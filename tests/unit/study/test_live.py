@@ -16,7 +16,7 @@ from wall.display.film import read_film, write_film
 from wall.study import json_lines
 from wall.study.live import cpu_limit, sweep
 from wall.study.live.command import methods_of, report, tables
-from wall.study.live.cpu_limit import parents_of, quota_files
+from wall.study.live.cpu_limit import quota_files
 from wall.study.live.film import scaled
 from wall.study.live.images import GAP, SMALLEST_LABEL, strip
 from wall.study.live.rewriting import left_out, load_without_windows, moving, text_for
@@ -112,24 +112,8 @@ def test_quota_of_a_fraction_of_a_core():
     assert quota_files(0.05, 1)[1] == ("cpu.cfs_quota_us", "1000"), "the kernel takes no less"
 
 
-def test_cgroups_are_looked_for_from_the_own_one_upwards(tmp_path):
-    own = tmp_path / "v2" / "user" / "me"
-    own.mkdir(parents=True)
-    (tmp_path / "v1").mkdir()
-    for folder in (own, own.parent):
-        (folder / "cgroup.controllers").write_text("cpuset cpu memory\n")
-    mounts = (
-        f"32 31 0:29 / {tmp_path}/v1 rw,relatime shared:9 - cgroup cgroup rw,cpu,cpuacct\n"
-        f"33 31 0:30 / {tmp_path}/v2 rw,relatime - cgroup2 cgroup2 rw\n34 31 0:31 / /proc rw - proc proc rw\n"
-    )
-
-    found = parents_of("3:cpu,cpuacct:/\n0::/user/me\n", mounts)
-
-    assert found == [(tmp_path / "v1", 1), (own, 2), (own.parent, 2)], "the root of v2 has no CPU controller here"
-
-
 def test_cores_that_cannot_be_given_are_refused(monkeypatch):
-    monkeypatch.setattr(cpu_limit, "parents_of", lambda cgroup, mountinfo: [])
+    monkeypatch.setattr(cpu_limit, "groups_of_this_process", lambda: [])
 
     with cpu_limit.limited(1.0) as launcher:
         assert launcher[-2:] == [str(min(os.sched_getaffinity(0))), "-"]

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from wall.core.errors import ConfigError, RunError
+from wall.run.cores import groups_of_this_process
 from wall.study.live.start import NO_GROUP
 
 PERIOD_US = 10_000  # of a quota: the kernel's usual 100 ms would stop a wall of 0.25 cores for 75 ms at a time
@@ -58,7 +59,7 @@ def check(cores: float) -> None:
 def _make_group(cores: float) -> Path:
     """A new cgroup with a quota of CPU time. Raises RunError where this process cannot make one."""
     tried = []
-    for parent, version in parents_of(_read("/proc/self/cgroup"), _read("/proc/self/mountinfo")):
+    for parent, version in groups_of_this_process():
         group = parent / f"wall-{os.getpid()}"
         try:
             if version == 2 and "cpu" not in (parent / "cgroup.subtree_control").read_text().split():
@@ -86,46 +87,6 @@ def quota_files(cores: float, version: int) -> list[tuple[str, str]]:
     if version == 2:
         return [("cpu.max", f"{quota} {period}")]
     return [("cpu.cfs_period_us", str(period)), ("cpu.cfs_quota_us", str(quota))]
-
-
-def parents_of(cgroup: str, mountinfo: str) -> list[tuple[Path, int]]:
-    """Folders a group may be made in, with their cgroup version: this process's own first, then those above it.
-
-    cgroup, mountinfo : texts of those files of /proc/self
-    """
-    own = {}  # by controller, "" for version 2: this process's path below the mount
-    for line in cgroup.splitlines():
-        _, controllers, path = line.split(":", 2)
-        own.update(dict.fromkeys(controllers.split(","), path))
-    found: list[tuple[Path, int]] = []
-    for line in mountinfo.splitlines():
-        left, _, right = line.partition(" - ")
-        kind, _, options = right.split(" ", 2)
-        root, mount = left.split()[3:5]
-        if kind == "cgroup2":
-            found += [(folder, 2) for folder in _upwards(Path(mount), root, own.get("", "/")) if _has_cpu(folder)]
-        elif kind == "cgroup" and "cpu" in options.split(","):
-            found += [(folder, 1) for folder in _upwards(Path(mount), root, own.get("cpu", "/"))]
-    return found
-
-
-def _upwards(mount: Path, root: str, path: str) -> list[Path]:
-    """From a process's own folder to the mount: only folders that are there, a container may see a part of them."""
-    below = path.removeprefix(root) if root != "/" else path
-    own = mount / below.lstrip("/")
-    chain = [own, *own.parents]
-    return [folder for folder in chain[: chain.index(mount) + 1] if folder.is_dir()]
-
-
-def _has_cpu(folder: Path) -> bool:
-    try:
-        return "cpu" in (folder / "cgroup.controllers").read_text().split()
-    except OSError:
-        return False
-
-
-def _read(path: str) -> str:
-    return Path(path).read_text(encoding="utf-8")
 
 
 def _remove(group: Path) -> None:
