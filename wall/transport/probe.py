@@ -1,7 +1,7 @@
-"""Whether anybody listens at an endpoint: what tells an end of the head from a network that is cut, or a head that is held up.
+"""Whether anybody listens at an endpoint: tells the end of the head from a cut network and from a head that is held up.
 
-A machine whose process has ended refuses connections to its port. One that is not reached answers nothing, and of a process
-that stands still the kernel takes the connection.
+A machine whose process has ended refuses connections to its port. One that is not reached answers nothing, and of a
+process that stands still the kernel takes the connection.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Probe:
         self._due, self._refused = 0.0, 0
 
     def refused(self, now: float) -> bool:
-        """Whether connections are refused; asks again if that is due. `now`: seconds of this machine's monotonic clock."""
+        """Whether connections are refused; asks again if that is due. `now`: monotonic seconds."""
         if self._socket is not None and select.select((), (self._socket,), (), 0)[1]:
             self._take(self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
         elif now >= self._due:

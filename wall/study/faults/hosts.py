@@ -1,7 +1,7 @@
 """Hosts made of namespaces of this machine: each has a network, a name, a clock and an identity of its own.
 
-They hang on one switch, as hosts of a cluster do, and need no rights but that to make a namespace of users. All of it ends
-with the process that made it, whatever ends that: each namespace is held by a process that reads from it.
+They hang on one switch, as hosts of a cluster do, and need no rights but that to make a namespace of users. All of it
+ends with the process that made it, whatever ends that: each namespace is held by a process that reads from it.
 Processes have the numbers that they have on this machine, so that they can be watched, stopped and ended from here.
 """
 
@@ -18,13 +18,16 @@ import sys
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from wall.core.errors import RunError
+from wall.study.speed.runs import mpirun
 
 NETWORK = "10.77.0"
 BEGINS_S = 5.0  # for a command that makes a part of this
 CLOCK_S = 1000  # by which each host's monotonic clock is ahead of that of the one before
 BURST, QUEUE_MS = "16kb", 200  # of a slow link: what may go at once, and how long a packet waits before it is dropped
+RANK = b"OMPI_COMM_WORLD_RANK="
 HOLD = "echo $$; exec cat >/dev/null"  # tells its process number, and ends with the one that made it
 
 
@@ -35,6 +38,7 @@ class Hosts:
         """`folder`: for files that hosts see. Raises RunError where this machine lets nobody make them."""
         self.names = tuple(f"h{number}" for number in range(1, count + 1))
         self._folder, self._held = folder, list[subprocess.Popen[str]]()
+        self._holders = set[int]()
         self._relays: list[subprocess.Popen[bytes]] = []
         try:
             self._make()
@@ -67,17 +71,20 @@ class Hosts:
                 f"mount --bind {shlex.quote(str((folder / f'{name}.machine').resolve()))} "
                 "/proc/sys/kernel/random/boot_id",
             )
+        self._holders |= {pid for name in self.names for pid in self.processes(name)}
         self._agent = folder / "agent"  # what mpirun calls in place of ssh
         each = "".join(f"{name}) process={pid};;\n" for name, pid in self._processes.items())
-        text = f'#!/bin/sh\nhost=$1; shift\ncase $host in\n{each}esac\nexec nsenter -t $process -n -u -m -T sh -c "$*"\n'
+        enter = 'exec nsenter -t $process -n -u -m -T sh -c "$*"'
+        text = f"#!/bin/sh\nhost=$1; shift\ncase $host in\n{each}esac\n{enter}\n"
         self._agent.write_text(text, encoding="utf-8")
         self._agent.chmod(self._agent.stat().st_mode | stat.S_IXUSR)
 
     def _hold(self, inside: Sequence[str]) -> int:
         """The number of a process that holds a namespace until this one ends."""
         process = subprocess.Popen(
-            [*inside, "sh", "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+            [*inside, "sh", "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            text=True,
+        )  # fmt: skip
         self._held.append(process)
         assert process.stdout is not None
         if not (said := process.stdout.readline()):
@@ -106,11 +113,17 @@ class Hosts:
         """A command that runs on a host."""
         return [*self._entered(self._processes[host], "-U", "-n", "-u", "-m", "-T"), *command]
 
-    def mpirun(self, mpirun: str, ranks: Sequence[int], *options: str) -> list[str]:
-        """A launcher of so many ranks on each host, by an mpirun of Open MPI 5 on the first."""
-        slots = ",".join(f"{name}:{count}" for name, count in zip(self.names, ranks, strict=True) if count)
+    def mpirun(self, ranks: int, *options: str) -> list[str]:
+        """A launcher of a run, the head alone on its host, by mpirun of Open MPI 5. Raises RunError without one."""
+        if (program := mpirun()) is None:
+            raise RunError("mpirun is missing: install the extra `local`")
+        others = max(1, len(self.names) - 1)
+        counts = [1, *((ranks - 1 + k) // others for k in reversed(range(others)))]
+        if len(self.names) == 1:
+            counts = [ranks]
+        slots = ",".join(f"{name}:{count}" for name, count in zip(self.names, counts, strict=True) if count)
         own = ("--prtemca", "plm_ssh_agent", str(self._agent), "--host", slots, "--bind-to", "none")
-        return self.at(self.names[0], mpirun, *own, *options, "-n", str(sum(ranks)))
+        return self.at(self.names[0], program, *own, *options, "-n", str(ranks))
 
     def cut(self, host: str) -> None:
         """Pull out a host's cable."""
@@ -129,14 +142,27 @@ class Hosts:
         self.run(host, "tc qdisc del dev eth0 root")
 
     def processes(self, host: str) -> list[int]:
-        """All that run on a host, but the one that holds it."""
-        holder = self._processes[host]
-        network, found = os.readlink(f"/proc/{holder}/ns/net"), []
+        """All that run on a host, but those that hold it."""
+        network, found = os.readlink(f"/proc/{self._processes[host]}/ns/net"), list[int]()
         for entry in Path("/proc").iterdir():
             with contextlib.suppress(OSError):
                 if entry.name.isdecimal() and os.readlink(entry / "ns/net") == network:
                     found.append(int(entry.name))
-        return sorted(pid for pid in found if pid != holder)
+        return sorted(set(found) - self._holders)
+
+    def of(self, rank: int) -> str:
+        """The host of a rank."""
+        pid = self.ranks()[rank]
+        return next(name for name in self.names if pid in self.processes(name))
+
+    def ranks(self) -> dict[int, int]:
+        """Processes by the ranks that MPI has given them."""
+        found = dict[int, int]()
+        for pid in (pid for host in self.names for pid in self.processes(host)):
+            with contextlib.suppress(OSError):
+                variables = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
+                found |= {int(each[len(RANK) :]): pid for each in variables if each.startswith(RANK)}
+        return dict(sorted(found.items()))
 
     def reached(self, host: str, port: int) -> int:
         """A port of this machine that leads to one of a host's loopback, such as that of a page."""
@@ -144,6 +170,12 @@ class Hosts:
             program = [sys.executable, "-m", "wall.study.faults.relay", str(listening.fileno()), str(port)]
             self._relays.append(subprocess.Popen(self.at(host, *program), pass_fds=(listening.fileno(),)))
             return int(listening.getsockname()[1])
+
+    def page(self, address: str) -> str:
+        """Where a page of the first host is found from here."""
+        parts = urlsplit(address)
+        assert parts.port is not None
+        return parts._replace(netloc=f"127.0.0.1:{self.reached(self.names[0], parts.port)}").geturl()
 
     def close(self) -> None:
         """End everything on them, and them."""

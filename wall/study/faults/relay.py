@@ -1,4 +1,4 @@
-"""`python -m wall.study.faults.relay DESCRIPTOR PORT`: what comes to a listening socket goes to a port of this loopback.
+"""`python -m wall.study.faults.relay DESCRIPTOR PORT`: what comes to a listening socket goes to that port here.
 
 The socket is of another network than the process is in: the only way between a host of namespaces and this machine.
 """
