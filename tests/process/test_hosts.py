@@ -27,7 +27,7 @@ from wall.tracing.tracer_scene import make_tracer_scene
 
 pytestmark = [pytest.mark.clock, pytest.mark.mpi]
 PATIENCE_S = 20.0  # of a busy machine
-SLOW_BITS_S = 64_000  # a panel takes some seconds
+SLOW_BITS_S = 100_000  # a panel takes two seconds
 
 
 @pytest.fixture
@@ -68,19 +68,19 @@ def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_pa
 
         home = until(address, np.zeros(1), changes=False)
         control = json.loads((out / "control.json").read_text())
-        assert re.match(r"tcp://10\.77\.0\.1:90\d\d$", control["endpoint"]) and control["head"], (
-            "of the range; has keys"
-        )
+        assert re.match(r"tcp://10\.77\.0\.1:90\d\d$", control["endpoint"])
+        assert control["head"], "CURVE"
         with connect(address, patience_s=PATIENCE_S) as wall:
             hosts.cut("h3")
-            time.sleep(3.5)  # seven times lost_after_s, and longer than ZeroMQ waits
+            time.sleep(2.0)  # four times lost_after_s
             assert alive() == [True, True, False]
             wall.set({"sky.zenith": [0.9, 0.1, 0.1]})
             half = until(address, home)
             assert np.array_equal(half[:, -64:], home[:, -64:]), "no sample of it came"
             hosts.join("h3")
             red = until(address, half)
-            assert not np.array_equal(red[:, -64:], home[:, -64:]) and np.array_equal(of_left(red), of_left(half))
+            assert not np.array_equal(red[:, -64:], home[:, -64:])
+            assert np.array_equal(of_left(red), of_left(half))
             assert all(alive())
 
             hosts.slow("h3", SLOW_BITS_S)
@@ -100,7 +100,8 @@ def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_pa
     until_written(out / "summary.json", "terminated", PATIENCE_S)
     assert "rank 2: is heard again" in said
     found = summary(out)
-    assert found["lost"].keys() == {"1"} and found["silences"]["2"] > 3.0
+    assert found["lost"].keys() == {"1"}
+    assert found["silences"]["2"] > 1.5
     assert [rank["host"] for rank in found["ranks"]] == ["h1", "h2", "h3"]
     plan = make_plan(make_layout(load(config)))
     alone = SingleProcess(plan, make_tracer_scene(plan.scene)).until_complete()

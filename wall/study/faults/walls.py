@@ -14,6 +14,7 @@ from pathlib import Path
 
 from wall.core.errors import RunError
 from wall.display.viewer import Seen, StatusViewer
+from wall.roles.plan import HEAD
 from wall.study.faults.hosts import Hosts
 from wall.study.live.runs import IMAGES, OUTPUT, START_S, stop
 
@@ -81,7 +82,8 @@ class FaultyWall:
     def end(self, number: signal.Signals) -> tuple[int | None, int]:
         """Send the head a signal. Returns its exit code, None: it does not end; and the processes left LEFT_S later."""
         self._page.close()
-        self.process.send_signal(number)
+        with contextlib.suppress(ProcessLookupError, KeyError):  # it has ended
+            os.kill(self.process.pid if self.hosts is None else self.process_of(HEAD), number)
         code = None
         with contextlib.suppress(subprocess.TimeoutExpired):
             code = self.process.wait(END_S)
