@@ -86,6 +86,11 @@ class TransportConfig(Model):
         description="how often in a minute a rank that dies is started again; after that it stays dead until the first "
         "of these starts is a minute old; not under MPI",
     )
+    standby: Flag = Field(
+        default=False,
+        description="when the head dies another one takes its place and the wall goes on, at most three times a minute; "
+        "not under MPI",
+    )
 
     @property
     def longest_silence_s(self) -> float:

@@ -6,7 +6,7 @@ Rendering on Multi-Core Processor Systems").
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from wall.core.data import NO_EDITS, Camera, Edits, Event
 from wall.geometry.steering import Command, Steering
@@ -15,6 +15,20 @@ from wall.roles.status import samplers_of
 from wall.roles.tracking import Tracker
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """What users have made of a view."""
+
+    steering: Steering | None
+    bookmarks: dict[str, Steering]
+    scene_time: float  # seconds, as the following
+    path_time: float
+    paused: bool
+    sampler: str
+    compare: str
+    statistics: bool
 
 
 class Director:
@@ -54,6 +68,27 @@ class Director:
         if configured == self.sampler and before.sampler in samplers_of(self._plan):
             self.sampler = before.sampler
         self.event = replace(self.event, camera=self.wall_camera(), scene_time=self._scene_time, paused=self.paused)
+
+    @property
+    def kept(self) -> Kept:
+        """What users have made of it so far."""
+        return Kept(
+            steering=self._steering, bookmarks=dict(self._bookmarks), scene_time=self._scene_time,
+            path_time=self._path_time, paused=self.paused, sampler=self.sampler, compare=self.compare,
+            statistics=self.statistics,
+        )  # fmt: skip
+
+    def keep(self, kept: Kept) -> None:
+        """Go on from what users had made of this view under another director."""
+        self._steering, self._bookmarks = kept.steering, dict(kept.bookmarks)
+        self._scene_time, self._path_time = kept.scene_time, kept.path_time
+        self.paused, self.sampler, self.compare, self.statistics = (
+            kept.paused, kept.sampler, kept.compare, kept.statistics,
+        )  # fmt: skip
+        self.event = replace(
+            self.event, camera=self.wall_camera(), scene_time=self._scene_time, paused=self.paused,
+            sampler=COMPARED_WITH if self.compare else self.sampler, compare=self.compare, statistics=self.statistics,
+        )  # fmt: skip
 
     def update(self, commands: list[Command], now: float, edits: Edits = NO_EDITS, stops: float | None = None) -> bool:
         """Apply what came in until `now`, with the edits of the scene. Returns whether there is a new event.
