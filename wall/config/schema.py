@@ -88,7 +88,7 @@ class TransportConfig(Model):
     )
     standby: Flag = Field(
         default=False,
-        description="when the head dies another one takes its place and the wall goes on, at most three times a minute; "
+        description="when the head dies another one takes its place and the wall goes on, three times a minute at most; "
         "not under MPI",
     )
 

@@ -75,6 +75,10 @@ class Balancer:
         self._due, self._evenness = now + self._wait_s, evenness
         return self._assign(cuts)
 
+    def count_from(self, number: int) -> None:
+        """Let assignments have larger numbers than those before, of another balancer."""
+        self.assignment = Assignment(number=number, cuts=self.assignment.cuts)
+
     def grow(self, layout: Layout) -> None:
         """There are more renderers, which have no strip until they are not lost any more."""
         self._ranks = layout.renderers()

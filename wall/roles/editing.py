@@ -68,7 +68,7 @@ class Editor:
         self.edits = Edits(self._count, tuple(sorted(kept.items()))) if kept else NO_EDITS
 
     def inherit(self, edits: Edits, stops: float | None, count: int) -> None:
-        """Go on from another editor's edits of the same scene, which can't be undone any more. `count`: a new number."""
+        """Go on from another editor's edits, which cannot be undone any more. `count`: a new number."""
         self._count, self.stops = count, stops
         self.edits = Edits(count, edits.values) if edits.values else NO_EDITS
 

@@ -28,6 +28,7 @@ class Legacy:
     edits: Edits
     stops: float | None
     count: int  # of edits
+    assignments: int  # that were made of the wall
     views: Mapping[str, Kept]  # by name
     number: int  # of the configuration; then
     text: str  # its text, "" of the first one
@@ -44,6 +45,7 @@ def legacy_of(manager: Manager) -> Legacy:
         edits=editor.edits,
         stops=editor.stops,
         count=editor.count,
+        assignments=manager.balancer.assignment.number if manager.balancer is not None else 0,
         views={director.name: director.kept for director in manager.directors},
         number=plan.number,
         text=dump(plan.layout.loaded.config) if plan.number else "",
@@ -61,6 +63,8 @@ def inherit(manager: Manager, legacy: Legacy, how: str) -> None:
     """Let a new manager, of `plan_after`, go on from another one; `how`: it died."""
     manager.began = legacy.began
     manager.editor.inherit(legacy.edits, legacy.stops, legacy.count + NUMBERS_AHEAD)
+    if manager.balancer is not None:
+        manager.balancer.count_from(legacy.assignments + NUMBERS_AHEAD)
     for director in manager.directors:
         if (kept := legacy.views.get(director.name)) is not None:
             director.keep(kept)

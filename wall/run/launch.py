@@ -41,6 +41,7 @@ from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
 from wall.run.recording import begin_recording, check_unused
 from wall.run.same_files import check_same
+from wall.run.standby import Stand
 from wall.run.succession import Preparer
 from wall.run.usage import give_memory_back
 from wall.run.warm_up import warm_up
@@ -93,13 +94,21 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
             headless=options.headless, out=options.out, record=options.record,
         )  # fmt: skip
 
+    transport = layout.config.transport
+    if transport.standby and transport.kind != "loopback":
+        if not (kept := options.record or options.images):
+            say(f"starting {layout.size} processes")
+            return Stand(
+                layout.size, main, lambda head: lead(plan, head, Preparer(plan, machines), options, say, opened),
+                encrypted=transport.encrypted,
+            ).run()  # fmt: skip
+        say(f"note: transport.standby: no head takes another's place, which could not go on with {kept}")
     bootstrap: Bootstrap
-    if layout.config.transport.kind == "loopback":
+    if transport.kind == "loopback":
         say(f"starting {layout.size} threads")
         bootstrap = ThreadBootstrap.start(layout.size, main)
     else:
         say(f"starting {layout.size} processes")
-        transport = layout.config.transport
         bootstrap = LocalBootstrap.start(layout.size, main, again=transport.restarts > 0, encrypted=transport.encrypted)
     try:
         return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)

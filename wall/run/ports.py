@@ -48,15 +48,16 @@ class Ports:
 
     def __init__(
         self, rank: int, clock: HeadClock, *, hub: Hub | None, manager: Link | None = None, ping_s: float | None = None,
-        keys: Keys | None = None, heartbeat_s: float | None = None,
+        keys: Keys | None = None, heartbeat_s: float | None = None, asks: bool = True,
     ) -> None:  # fmt: skip
         """`manager`: None for the manager itself. `ping_s`: between pings, None where the head's clock is also ours.
 
         `keys`: for links to other ranks, see Keys. `heartbeat_s`: between signs of life that go on while the loop is
-        held up; None: nobody waits for them.
+        held up; None: nobody waits for them. `asks`: whether the head is there, once it is silent; not where this
+        process ends with its parent, which may put another head in its place.
         """
         self._rank, self._clock, self._hub, self._manager, self._ping_s = rank, clock, hub, manager, ping_s
-        self._probe = Probe(manager.endpoint) if manager is not None else None
+        self._probe = Probe(manager.endpoint) if manager is not None and asks else None
         self._heard = time.monotonic()  # when the manager said something
         self._counters = Counter[str]()
         self._links: dict[int, Link] = {}

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
@@ -28,13 +29,12 @@ if TYPE_CHECKING:
 
 
 def make_sinks(
-    plan: Plan, rank: int, out: Path, *, headless: bool, again: bool = False
+    plan: Plan, rank: int, out: Path, *, headless: bool, again: bool = False, page: str = ""
 ) -> tuple[list[Sink | None], Browser | None]:
     """The sinks of a rank in the order of the graph, and the page among them; None where `headless` leaves one out.
 
     All windows of a rank are one sink, which stands in the list for each of them. `again`: go on with what the rank
-    recorded before. Raises RunError where a display
-    cannot be reached.
+    recorded before; `page`: the address that the page had before. Raises RunError where a display cannot be reached.
     """
     output, layout = plan.layout.config.output, plan.layout
     windows = None if headless else _windows(plan, rank)
@@ -53,9 +53,9 @@ def make_sinks(
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
-            page = output.browser
+            served, port = output.browser, urlsplit(page).port or output.browser.port
             access = _access(layout.loaded)
-            sink = browser = Browser(page.host, page.port, layout.wall, embed=page.embed, load=page.load, **access)
+            sink = browser = Browser(served.host, port, layout.wall, embed=served.embed, load=served.load, **access)
             lay_out(plan, [browser])
         sinks.append(sink)
     return sinks, browser

@@ -49,7 +49,8 @@ NOTE = (
     f"Noticed and marked: on the page, after the fault; wanted: {MOST_MARKED_MS[KILLED]:g} ms where a process was "
     f"killed, {MOST_MARKED_MS[FROZEN]:g} ms where it was frozen or its host cut off. Whole image: {WHOLE:.0%} of the "
     f"pixels that moved in the {MOVED_S:g} s before have changed since the process died, or went on; wanted: "
-    f"{MOST_AGAIN_MS:g} ms. Others: samples that the other renderers lost, from {LOST_S:g} s after the fault on; wanted: {MOST_LOST:g} %. "
+    f"{MOST_AGAIN_MS:g} ms. Others: samples that the other renderers lost, from {LOST_S:g} s after the fault on; "
+    f"wanted: {MOST_LOST:g} %. "
     "Left: processes 3 s after the end; wanted: none."
 )
 Say = Callable[[str], None]
