@@ -88,8 +88,8 @@ class TransportConfig(Model):
     )
     standby: Flag = Field(
         default=False,
-        description="when the head dies another one takes its place and the wall goes on, three times a minute at most; "
-        "not under MPI",
+        description="when the head dies another one takes its place and the wall goes on, three times a minute at "
+        "most; not under MPI",
     )
 
     @property

@@ -160,7 +160,7 @@ def _measured(
     if fault.role != "head":
         lost = others_lost(layout, seen, fault.rank, began=began, until=until, seconds=seconds)
     if fault.role != "head" and fault.kind != FULL:
-        again = whole_again(read_log(wall.images), of_rank, began=began, ended=ended)
+        again = whole_again(read_log(wall.images), of_rank, began=wall.clock(began), ended=wall.clock(ended))
     after = [each for each in seen if each.time >= began]
     detected = _first(after, began, lambda status: not status["ranks"][fault.rank]["alive"]) if of_rank else None
     marked = _first(after, began, lambda status: _marks(status, of_rank)) if of_rank else None

@@ -25,7 +25,7 @@ from wall.study.speed.runs import mpirun
 
 NETWORK = "10.77.0"
 BEGINS_S = 5.0  # for a command that makes a part of this
-CLOCK_S = 1000  # by which each host's monotonic clock is ahead of that of the one before
+CLOCK_S = 1000.0  # by which each host's monotonic clock is ahead of that of the one before
 BURST, QUEUE_MS = "16kb", 200  # of a slow link: what may go at once, and how long a packet waits before it is dropped
 RANK = b"OMPI_COMM_WORLD_RANK="
 HOLD = "echo $$; exec cat >/dev/null"  # tells its process number, and ends with the one that made it
@@ -59,7 +59,7 @@ class Hosts:
         inside = [*self._entered(self._switch, "-U", "-n"), "unshare", "-n", "-u", "-m", "-T", "-f"]
         for number, name in enumerate(self.names, start=1):
             (folder / f"{name}.machine").write_text(f"{uuid.uuid4()}\n", encoding="utf-8")
-            self._processes[name] = pid = self._hold([*inside, f"--monotonic={number * CLOCK_S}"])
+            self._processes[name] = pid = self._hold([*inside, f"--monotonic={number * CLOCK_S:.0f}"])
             self._in_switch(
                 f"ip link add {name} type veth peer name eth0 netns {pid} && ip link set {name} master wall up"
             )
@@ -142,13 +142,18 @@ class Hosts:
         self.run(host, "tc qdisc del dev eth0 root")
 
     def processes(self, host: str) -> list[int]:
-        """All that run on a host, but those that hold it."""
+        """All that run on a host for others than this."""
         network, found = os.readlink(f"/proc/{self._processes[host]}/ns/net"), list[int]()
         for entry in Path("/proc").iterdir():
             with contextlib.suppress(OSError):
                 if entry.name.isdecimal() and os.readlink(entry / "ns/net") == network:
                     found.append(int(entry.name))
-        return sorted(set(found) - self._holders)
+        return sorted(set(found) - self._holders - {relay.pid for relay in self._relays})
+
+    @property
+    def ahead_s(self) -> float:
+        """By how much the first host's monotonic clock is ahead of this machine's."""
+        return CLOCK_S
 
     def of(self, rank: int) -> str:
         """The host of a rank."""

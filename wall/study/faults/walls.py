@@ -73,6 +73,10 @@ class FaultyWall:
             time.sleep(LOOK_S)
         raise RunError(f"the wall did not start: {self.said.strip()[-500:]}")
 
+    def clock(self, time: float) -> float:
+        """A moment of this process's monotonic clock by the head's."""
+        return time if self.hosts is None else time + self.hosts.ahead_s
+
     def process_of(self, rank: int) -> int:
         """The process of a rank that was not started again: the head forks them in order."""
         if self.hosts is not None:

@@ -1,0 +1,84 @@
+"""A head that is killed is replaced: page, camera and edits stay, and the renderers go on."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+import urllib.error
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from running import page_of, session_of, shown, start, summary, until, write_config
+
+from wall.client import connect
+
+pytestmark = pytest.mark.clock
+PATIENCE_S = 20.0  # of a busy machine; 5 s are wanted
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path / "out"
+    for pid in session_of(json.loads((tmp_path / "leader").read_text())):
+        os.kill(pid, signal.SIGKILL)
+
+
+def head_of(out: Path) -> int:
+    return int(json.loads((out / "control.json").read_text(encoding="utf-8"))["pid"])
+
+
+def shown_again(address: str) -> NDArray[np.int16]:
+    limit = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return shown(address)
+        except (urllib.error.URLError, ConnectionError):
+            assert time.monotonic() < limit, "the page did not come back"
+            time.sleep(0.05)
+
+
+def test_a_wall_goes_on_when_its_head_is_killed(tmp_path: Path, out: Path) -> None:
+    config = write_config(tmp_path, encrypt="always", restarts=1)
+    text = config.read_text().replace("transport:\n  {", "transport:\n  {standby: true, ")
+    config.write_text(text.replace("[png]", "[browser, png]"))
+    run = start("run", config, "--still", "--out", out)
+    (tmp_path / "leader").write_text(str(run.pid))
+    address = page_of(run)
+    first = until(address, np.zeros(1), changes=False)
+    with connect(out) as wall:
+        wall.set({"sky.zenith": [0.9, 0.1, 0.1]})
+        wall.zoom(0.1)
+        near = until(address, first)
+        head, (stand, renderer, _) = head_of(out), session_of(run.pid)
+        assert stand == run.pid != head
+
+        os.kill(head, signal.SIGKILL)
+        shown_again(address)
+        assert np.array_equal(until(address, np.zeros(1), changes=False), near), "the camera and what was set"
+        assert head_of(out) != head
+        wall.reset()  # by the same key
+        until(address, near)
+
+        os.kill(renderer, signal.SIGKILL)
+        for line in run.stdout or ():
+            if "started again" in line:
+                break
+        wall.set({"sky.zenith": None})
+        limit = time.monotonic() + PATIENCE_S
+        while not np.array_equal(shown(address), first):
+            assert time.monotonic() < limit, "the first picture did not come back"
+            time.sleep(0.05)
+
+    run.send_signal(signal.SIGTERM)
+    said, _ = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 0, said
+    found = summary(out)
+    assert found["ended"] == "terminated"
+    assert found["restarts"] == {"0": ["died (signal 9)"], "1": found["restarts"]["1"]}
+    assert found["lost"] == {}
+    assert not session_of(run.pid)
