@@ -7,13 +7,15 @@ import os
 import signal
 import time
 import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from running import page_of, session_of, shown, start, summary, until, write_config
+from running import page_of, session_of, shown, start, summary, until, until_written, write_config
 
 from wall.client import connect
 
@@ -28,8 +30,9 @@ def out(tmp_path: Path) -> Iterator[Path]:
         os.kill(pid, signal.SIGKILL)
 
 
-def head_of(out: Path) -> int:
-    return int(json.loads((out / "control.json").read_text(encoding="utf-8"))["pid"])
+def control_of(out: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((out / "control.json").read_text(encoding="utf-8"))
+    return found
 
 
 def shown_again(address: str) -> NDArray[np.int16]:
@@ -42,25 +45,33 @@ def shown_again(address: str) -> NDArray[np.int16]:
             time.sleep(0.05)
 
 
-def test_a_wall_goes_on_when_its_head_is_killed(tmp_path: Path, out: Path) -> None:
+def test_a_wall_goes_on_when_its_head_is_killed(tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = write_config(tmp_path, encrypt="always", restarts=1)
     text = config.read_text().replace("transport:\n  {", "transport:\n  {standby: true, ")
-    config.write_text(text.replace("[png]", "[browser, png]"))
+    page = "output: {browser: {token: always}}\n"
+    config.write_text(text.replace("[png]", "[browser, png]") + page)
     run = start("run", config, "--still", "--out", out)
     (tmp_path / "leader").write_text(str(run.pid))
     address = page_of(run)
+    until_written(out / "control.json", "page", PATIENCE_S)
+    before = control_of(out)
+    opener = urllib.request.build_opener()
+    opener.addheaders = [("Authorization", f"Bearer {before['page'].partition('=')[2]}")]
+    monkeypatch.setattr(urllib.request, "_opener", opener)
     first = until(address, np.zeros(1), changes=False)
     with connect(out) as wall:
         wall.set({"sky.zenith": [0.9, 0.1, 0.1]})
         wall.zoom(0.1)
         near = until(address, first)
-        head, (stand, renderer, _) = head_of(out), session_of(run.pid)
-        assert stand == run.pid != head
+        stand, renderer, _ = session_of(run.pid)
+        assert stand == run.pid != before["pid"]
 
-        os.kill(head, signal.SIGKILL)
+        os.kill(before["pid"], signal.SIGKILL)
         shown_again(address)
         assert np.array_equal(until(address, np.zeros(1), changes=False), near), "the camera and what was set"
-        assert head_of(out) != head
+        after = control_of(out)
+        assert after == before | {"pid": after["pid"]}
+        assert after["pid"] != before["pid"]
         wall.reset()  # by the same key
         until(address, near)
 

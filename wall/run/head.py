@@ -39,6 +39,7 @@ from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, told_again, ways_of
 from wall.run.sinks import (
+    PageAt,
     distinct,
     make_metrics_server,
     make_sinks,
@@ -150,7 +151,7 @@ class HeadProcess:
         closing.later(self._write_last_summary)
         sinks, browser = make_sinks(
             plan, HEAD, options.out, headless=options.headless, again=before is not None,
-            page=before.where.page if before is not None else "",
+            page=before.where.page if before is not None else None,
         )  # fmt: skip
         self._sinks = distinct(sinks)
         for sink in self._sinks:
@@ -201,7 +202,8 @@ class HeadProcess:
             sources.append(self._invitations)
         page = browser.address if browser else ""
         if standby is not None:
-            sources.append(partial(self._leave, standby, Where(json.dumps(address), control.endpoint, page)))
+            page_at = PageAt(page, browser.tokens) if browser else None
+            sources.append(partial(self._leave, standby, Where(json.dumps(address), control.endpoint, page_at)))
         if options.watch:
             sources.append(FileWatch(plan.layout.loaded.path).changes)
         managing = ManagerThread(

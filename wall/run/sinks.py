@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,13 +29,21 @@ if TYPE_CHECKING:
     from wall.display.metrics_server import MetricsServer
 
 
+@dataclass(frozen=True, slots=True)
+class PageAt:
+    """Where a page is served, and what lets steer it, or watch."""
+
+    address: str
+    tokens: tuple[str, str]
+
+
 def make_sinks(
-    plan: Plan, rank: int, out: Path, *, headless: bool, again: bool = False, page: str = ""
+    plan: Plan, rank: int, out: Path, *, headless: bool, again: bool = False, page: PageAt | None = None
 ) -> tuple[list[Sink | None], Browser | None]:
     """The sinks of a rank in the order of the graph, and the page among them; None where `headless` leaves one out.
 
     All windows of a rank are one sink, which stands in the list for each of them. `again`: go on with what the rank
-    recorded before; `page`: the address that the page had before. Raises RunError where a display cannot be reached.
+    recorded before; `page`: where it was before. Raises RunError where a display cannot be reached.
     """
     output, layout = plan.layout.config.output, plan.layout
     windows = None if headless else _windows(plan, rank)
@@ -53,8 +62,10 @@ def make_sinks(
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
-            served, port = output.browser, urlsplit(page).port or output.browser.port
-            access = _access(layout.loaded)
+            served, access = output.browser, _access(layout.loaded)
+            port = served.port if page is None else urlsplit(page.address).port or served.port
+            if page is not None:
+                access |= dict(zip(("steer_token", "watch_token"), page.tokens, strict=True))
             sink = browser = Browser(served.host, port, layout.wall, embed=served.embed, load=served.load, **access)
             lay_out(plan, [browser])
         sinks.append(sink)

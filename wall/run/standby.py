@@ -30,6 +30,7 @@ from wall.run.bootstrap_local import STOP_WAIT_S, LocalBootstrap, as_rank
 from wall.run.children import Children, belong_to, how_ended
 from wall.run.control_file import new_key
 from wall.run.endings import REASONS
+from wall.run.sinks import PageAt
 from wall.transport.curve import Keys
 
 MOST_HEADS, WITHIN_S = 3, 60.0  # another one takes over so often; after that its death ends the run
@@ -77,7 +78,7 @@ class Where:
 
     address: str  # as ranks were told
     endpoint: str  # of the manager
-    page: str  # address; "" without a page
+    page: PageAt | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
