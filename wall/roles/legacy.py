@@ -28,7 +28,8 @@ class Legacy:
     edits: Edits
     stops: float | None
     count: int  # of edits
-    assignments: int  # that were made of the wall
+    assignment: int  # number of the newest one; then how many were made
+    assignments: int
     views: Mapping[str, Kept]  # by name
     number: int  # of the configuration; then
     text: str  # its text, "" of the first one
@@ -38,14 +39,15 @@ class Legacy:
 
 def legacy_of(manager: Manager) -> Legacy:
     """What it leaves if it ends now."""
-    plan, editor = manager.newest_plan, manager.editor
+    plan, editor, balancer = manager.newest_plan, manager.editor, manager.balancer
     return Legacy(
         began=manager.began,
         camera_event=manager.since,
         edits=editor.edits,
         stops=editor.stops,
         count=editor.count,
-        assignments=manager.balancer.assignment.number if manager.balancer is not None else 0,
+        assignment=balancer.assignment.number if balancer is not None else 0,
+        assignments=balancer.made if balancer is not None else 0,
         views={director.name: director.kept for director in manager.directors},
         number=plan.number,
         text=dump(plan.layout.loaded.config) if plan.number else "",
@@ -64,7 +66,7 @@ def inherit(manager: Manager, legacy: Legacy, how: str) -> None:
     manager.began = legacy.began
     manager.editor.inherit(legacy.edits, legacy.stops, legacy.count + NUMBERS_AHEAD)
     if manager.balancer is not None:
-        manager.balancer.count_from(legacy.assignments + NUMBERS_AHEAD)
+        manager.balancer.count_from(legacy.assignment + NUMBERS_AHEAD, legacy.assignments)
     for director in manager.directors:
         if (kept := legacy.views.get(director.name)) is not None:
             director.keep(kept)

@@ -72,6 +72,12 @@ def make_sinks(
     return sinks, browser
 
 
+def import_page(plan: Plan) -> None:
+    """Load what serves a page, if there is one: a process that is forked from this one has it at once."""
+    if any(sink.kind == "browser" for sink in plan.layout.graph.sinks):
+        import wall.display.browser  # noqa: F401
+
+
 def make_metrics_server(plan: Plan) -> MetricsServer | None:
     """What serves metrics at a port of their own; None where none is wanted. Raises RunError where that cannot be."""
     output = plan.layout.config.output
