@@ -37,9 +37,10 @@ class Legacy:
     died: tuple[str, ...]  # how heads have died, the first one first
 
 
-def legacy_of(manager: Manager) -> Legacy:
-    """What it leaves if it ends now."""
+def legacy_of(manager: Manager, before: Legacy | None = None) -> Legacy:
+    """What it leaves if it ends now; `before`: what it left earlier, whose text is not made again."""
     plan, editor, balancer = manager.newest_plan, manager.editor, manager.balancer
+    text = dump(plan.layout.loaded.config) if plan.number and (before is None or before.number != plan.number) else ""
     return Legacy(
         began=manager.began,
         camera_event=manager.since,
@@ -50,7 +51,7 @@ def legacy_of(manager: Manager) -> Legacy:
         assignments=balancer.made if balancer is not None else 0,
         views={director.name: director.kept for director in manager.directors},
         number=plan.number,
-        text=dump(plan.layout.loaded.config) if plan.number else "",
+        text=text or (before.text if before is not None else ""),
         path=str(plan.layout.loaded.path) if plan.number else "",
         died=tuple(manager.register.restarts.get(HEAD, ())),
     )

@@ -233,7 +233,7 @@ class HeadProcess:
         """Write down what the next head needs, should this one die."""
         assert self._manager is not None
         manager = self._manager
-        standby.leave(lambda: Estate(where=where, legacy=legacy_of(manager)))
+        standby.leave(lambda before: Estate(where=where, legacy=legacy_of(manager, before)))
         return ()
 
     def _reachable(self, endpoint: str, key: str, page: str) -> AbstractContextManager[None]:

@@ -98,6 +98,7 @@ class StandbyBootstrap:
         """`key`: of the run's requests, the same for all heads; `how`: the head before died, "" for the first."""
         self.size, self.keys, self.key, self.how = size, keys, key, how
         self._pipe, self._state, self._due = pipe, state, 0.0
+        self._left: Legacy | None = None
         self._ended: dict[int, str] = {}
         self._finished = False
         data = state.read() if how else None
@@ -110,12 +111,14 @@ class StandbyBootstrap:
         self._say("address", text)
         return text
 
-    def leave(self, estate: Callable[[], Estate]) -> None:
-        """Write down what the next head needs, if that is due."""
+    def leave(self, estate: Callable[[Legacy | None], Estate]) -> None:
+        """Write down what the next head needs, if that is due; `estate` is told what was written before."""
         now = time.monotonic()
         if now >= self._due and not self._finished:
             self._due = now + WRITE_S
-            self._state.write(pickle.dumps(estate()))
+            left = estate(self._left)
+            self._left = left.legacy
+            self._state.write(pickle.dumps(left))
 
     def dead(self) -> dict[int, str]:
         """Ranks that have ended badly: how."""
