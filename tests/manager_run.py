@@ -52,7 +52,7 @@ class Run:
 
     def beats(self, *ranks: int, complete: bool = True, last: bool = False) -> list[Heartbeat]:
         """What ranks say of the newest event."""
-        camera, scene = self.manager._directors[0].event.number
+        camera, scene = self.manager.directors[0].event.number
         return [
             Heartbeat(rank=k, time=0.0, complete=complete, camera_event=camera, scene_event=scene, last=last)
             for k in ranks

@@ -15,11 +15,17 @@ def faults(
         list[Path] | None, typer.Argument(metavar="[CONFIG]...", help="Walls to run here; one of the project's")
     ] = None,
     seconds: Annotated[float, typer.Option(min=2.0, max=20.0, help="Watched before and after each fault")] = 4.0,
+    hosts: Annotated[
+        int, typer.Option(min=0, max=16, help="Start ranks by mpirun on so many hosts made of namespaces; 0: fork them")
+    ] = 0,
     out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/faults"),
 ) -> None:
     """Kill, freeze and slow down processes of running walls, and see what is shown. Takes about three minutes a wall.
 
+    With hosts their network is cut and slowed down, too.
+
     [bold]wall measure faults --out OUT/faults[/]
+    [bold]wall measure faults --hosts 3[/]
     """
     from wall.study import options
     from wall.study.faults import faults as study
@@ -27,7 +33,8 @@ def faults(
     walls = configs or [study.OWN]
     options.check_files(walls)
     with errors.status("measuring") as status:
-        rows = [row for wall in walls for row in study.measure(wall, seconds=seconds, out=out, say=status.update)]
+        say = status.update
+        rows = [row for wall in walls for row in study.measure(wall, seconds=seconds, hosts=hosts, out=out, say=say)]
     for item in study.report(rows, out):
         console.print(item)
 

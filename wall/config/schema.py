@@ -86,6 +86,11 @@ class TransportConfig(Model):
         description="how often in a minute a rank that dies is started again; after that it stays dead until the first "
         "of these starts is a minute old; not under MPI",
     )
+    standby: Flag = Field(
+        default=False,
+        description="when the head dies another one takes its place and the wall goes on, three times a minute at "
+        "most; not under MPI",
+    )
 
     @property
     def longest_silence_s(self) -> float:
@@ -104,13 +109,15 @@ class TransportConfig(Model):
         return None if self.ports is None else _range_of(self.ports)
 
     @model_validator(mode="after")
-    def _lost_is_later(self) -> TransportConfig:
+    def _fits_together(self) -> TransportConfig:
         if self.lost_after_s < 2 * self.heartbeat_s:
             raise refusal(
                 f"one late heartbeat (every {self.heartbeat_s:g} s) would lose a rank",
                 accepted=f"at least {2 * self.heartbeat_s:g}, or a shorter heartbeat_s",
                 at=("lost_after_s",),
             )
+        if self.standby and self.kind == "loopback":
+            raise refusal("threads of one process end with it", accepted="kind: zmq, or no standby", at=("standby",))
         if self.stale_after_s is not None and 0.0 < self.stale_after_s < 2 * self.heartbeat_s:
             raise refusal(
                 f"one late heartbeat (every {self.heartbeat_s:g} s) would mark a rank's part of the wall",

@@ -66,6 +66,7 @@ class Browser:
         why_images: Sequence[str] = (),
         max_viewers: int = MAX_VIEWERS,
         tokens: bool = False,
+        steer_token: str = "",
         watch_token: str = "",
         tls: tuple[Path, Path] | None = None,
         embed: bool = False,
@@ -76,7 +77,8 @@ class Browser:
 
         `embed`, `load`: of BrowserConfig; `folder`: of panels' files.
 
-        `tokens`: the page is for those alone who know its address; `watch_token`: see Gate; `tls`: files of a
+        `tokens`: the page is for those alone who know its address; `steer_token`, `watch_token`: see
+        Gate; `tls`: files of a
         certificate and its key. Raises RunError naming what cannot be had.
         """
         self._max_viewers = max_viewers
@@ -95,8 +97,9 @@ class Browser:
         self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
         self._server = Server(
-            host, port, tokens=tokens, watch_token=watch_token, tls=tls, frames=THIS_MACHINE if embed else NOBODY
-        )
+            host, port, tokens=tokens, steer_token=steer_token, watch_token=watch_token, tls=tls,
+            frames=THIS_MACHINE if embed else NOBODY,
+        )  # fmt: skip
         self._loop, self._gate, self._counters = self._server.loop, self._server.gate, self._server.counters
         routes = {
             "/": page_file,
@@ -108,7 +111,7 @@ class Browser:
             "/{name}": page_file,
         }
         where, (steer, watch) = self._server.start(routes, self._say_goodbye), self._gate.queries
-        self.address = where + steer
+        self.address, self.tokens = where + steer, self._gate.tokens
         self.notes: tuple[str, ...] = ()  # what its users should know
         if tokens:
             self.notes = (f"to watch the wall without steering it: {where}{watch}",)

@@ -36,17 +36,24 @@ RATE, BURST = 500.0, 1000.0  # messages a second of one viewer, and at once: a p
 class Gate:
     """Belongs to the server's thread."""
 
-    def __init__(self, host: str, counters: Counter[str], *, tokens: bool = False, watch_token: str = "") -> None:
+    def __init__(
+        self, host: str, counters: Counter[str], *, tokens: bool = False, steer_token: str = "", watch_token: str = ""
+    ) -> None:
         """`host`: the address that the server is bound to; `tokens`: they are asked for.
 
-        `watch_token`: lets watch; "": a new one does.
+        `steer_token`, `watch_token`: let steer, or watch; "": a new one does.
         """
         self._host, self._counters = host, counters
         self._names = _own_names(host)
-        self._steer = secrets.token_urlsafe(TOKEN_BYTES) if tokens else ""
+        self._steer = (steer_token or secrets.token_urlsafe(TOKEN_BYTES)) if tokens else ""
         self._watch = (watch_token or secrets.token_urlsafe(TOKEN_BYTES)) if tokens else ""
         self._silent: dict[Any, float] = {}  # since when, by connection
         self._spoke: set[Any] = set()  # connections
+
+    @property
+    def tokens(self) -> tuple[str, str]:
+        """What lets steer, and watch; "" without tokens."""
+        return self._steer, self._watch
 
     @property
     def queries(self) -> tuple[str, str]:

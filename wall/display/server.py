@@ -47,17 +47,19 @@ class Server:
         port: int,
         *,
         tokens: bool = False,
+        steer_token: str = "",
         watch_token: str = "",
         tls: tuple[Path, Path] | None = None,
         frames: str = NOBODY,
     ) -> None:
-        """`tokens`, `watch_token`: see Gate; `tls`: see tls_of; `frames`: whose pages may hold ours in a frame.
+        """`tokens`, `steer_token`, `watch_token`: see Gate; `tls`: see tls_of.
 
-        Port 0 takes any free one.
+        `frames`: whose pages may hold ours in a frame. Port 0 takes any free one.
         """
         self.counters = Counter[str]()  # of what was refused; written by the server's thread
         self._host, self._port, self._frames = host, port, frames
-        self.gate, self._tls = Gate(host, self.counters, tokens=tokens, watch_token=watch_token), tls_of(tls)
+        self.gate = Gate(host, self.counters, tokens=tokens, steer_token=steer_token, watch_token=watch_token)
+        self._tls = tls_of(tls)
         self.loop = asyncio.new_event_loop()
         self._stopping = asyncio.Event()
         self._thread: threading.Thread | None = None

@@ -33,7 +33,7 @@ class Balancer:
         self._strips, self._layout, self._ranks = layout.strips, layout, layout.renderers()
         self._own = len(layout.regions) - layout.extra  # renderers of the configuration
         cuts = layout.strips.evenly(self._own)
-        self.assignment = Assignment(number=0, cuts=list(cuts))
+        self.assignment, self.made = Assignment(number=0, cuts=list(cuts)), 0
         self._rows, self._measured = np.ones(cuts[-1]), False  # what each seems to cost; whether anything is known
         self._due, self._wait_s = now + PERIOD_S, PERIOD_S
         self._evenness = 0.0  # mean cost by the largest, at the last move
@@ -75,6 +75,10 @@ class Balancer:
         self._due, self._evenness = now + self._wait_s, evenness
         return self._assign(cuts)
 
+    def count_from(self, number: int, made: int) -> None:
+        """Let assignments have larger numbers than those of another balancer, which had `made` so many."""
+        self.assignment, self.made = Assignment(number=number, cuts=self.assignment.cuts), made
+
     def grow(self, layout: Layout) -> None:
         """There are more renderers, which have no strip until they are not lost any more."""
         self._ranks = layout.renderers()
@@ -94,7 +98,7 @@ class Balancer:
         return tuple(cuts)
 
     def _assign(self, cuts: Cuts) -> Assignment:
-        self._layout = self._layout.assigned(cuts)
+        self._layout, self.made = self._layout.assigned(cuts), self.made + 1
         self.assignment = Assignment(number=self.assignment.number + 1, cuts=list(cuts))
         return self.assignment
 

@@ -7,7 +7,7 @@ Rendering on Multi-Core Processor Systems").
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from wall.core.data import NO_EDITS, Camera, Edits, Event
 from wall.geometry.steering import Command, Steering
@@ -18,6 +18,19 @@ from wall.roles.tracking import Tracker
 from wall.scene.parameters import Numbers
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """What users have made of a view."""
+
+    steering: Steering | None
+    bookmarks: dict[str, Steering]
+    time: float  # its own, of the scene, seconds
+    paused: bool  # that
+    sampler: str
+    compare: str
+    statistics: bool
 
 
 class Director:
@@ -60,6 +73,24 @@ class Director:
         if configured == self.sampler and before.sampler in samplers_of(self._plan):
             self.sampler = before.sampler
         self.event = replace(self.event, camera=self.wall_camera(), scene_time=self.time, paused=self.paused)
+
+    @property
+    def kept(self) -> Kept:
+        """What users have made of it so far."""
+        return Kept(
+            steering=self._steering, bookmarks=dict(self._bookmarks), time=self._own_time, paused=self._paused,
+            sampler=self.sampler, compare=self.compare, statistics=self.statistics,
+        )  # fmt: skip
+
+    def keep(self, kept: Kept) -> None:
+        """Go on from what users had made of this view under another director."""
+        self._steering, self._bookmarks = kept.steering, dict(kept.bookmarks)
+        self._own_time, self._paused = kept.time, kept.paused
+        self.sampler, self.compare, self.statistics = kept.sampler, kept.compare, kept.statistics
+        self.event = replace(
+            self.event, camera=self.wall_camera(), scene_time=self.time, paused=self.paused,
+            sampler=COMPARED_WITH if self.compare else self.sampler, compare=self.compare, statistics=self.statistics,
+        )  # fmt: skip
 
     def update(
         self, commands: list[Command], now: float, edits: Edits = NO_EDITS, picture: Mapping[str, Numbers] = NO_PICTURE

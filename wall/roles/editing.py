@@ -69,6 +69,11 @@ class Editor:
         self._count += 1
         self.edits = Edits(self._count, tuple(sorted(kept.items()))) if kept else NO_EDITS
 
+    def inherit(self, edits: Edits, picture: Mapping[str, Numbers], count: int) -> None:
+        """Go on from another editor's edits, which cannot be undone any more. `count`: a new number."""
+        self._count, self.picture = count, dict(picture)
+        self.edits = Edits(count, edits.values) if edits.values else NO_EDITS
+
     def check_key(self, request: EditRequest | JoinRequest) -> None:
         """Refuse who does not know the run's key. Raises EditError."""
         if not self._key or not hmac.compare_digest(request.key.encode(), self._key.encode()):

@@ -84,7 +84,7 @@ class Manager:
         self.ended = ""  # why the run ends, once it does
         self.counters, self.configurations = Counter[str](), 1  # that the run has had
         self._seconds, self._until_complete = seconds, until_complete
-        self._directors: list[Director] = []
+        self.directors: list[Director] = []
         self._reloading = Reloading(plan, fixed=fixed)
         self.register, self.joining = Register(layout.size, now), Joining(fixed)
         self.editor, self._edited = Editor(plan, key=key), False  # whether an event is to tell of it
@@ -93,21 +93,21 @@ class Manager:
         self._update_due, self._repeat_due = now, now
         self._input_due = now  # when what comes in is told of at once again
         self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
-        self._phase, self._limit, self._began = Phase.RUNNING, math.inf, now
+        self._phase, self._limit, self.began = Phase.RUNNING, math.inf, now
         self._complete_since: float | None = None
         self._take(plan, now)
         if still:
-            for director in self._directors:
+            for director in self.directors:
                 director.pause()
 
     def _take(self, plan: Plan, now: float) -> None:
         """Be the manager of this plan."""
         self.balancer: Balancer | None = None
         self._grow(plan)
-        before, first = {director.name: director for director in self._directors}, next(iter(self._directors), None)
-        self._directors = []
+        before, first = {director.name: director for director in self.directors}, next(iter(self.directors), None)
+        self.directors = []
         for number, view in enumerate(plan.views):
-            self._directors.append(Director(plan, now, number, self._directors, before.get(view.id, first)))
+            self.directors.append(Director(plan, now, number, self.directors, before.get(view.id, first)))
         self._window_ranks = window_ranks(plan.layout)
         if plan.layout.strips is not None:
             self.balancer = Balancer(self._layout, now)
@@ -127,21 +127,21 @@ class Manager:
         self.heartbeats = {rank: beat for rank, beat in self.heartbeats.items() if beat.configuration == plan.number}
         self.configurations += 1
         self._commands, self._complete_since, self._released = Commands(), None, (-1, -1)
-        self._take(replace(plan, since=self._since), now)
+        self._take(replace(plan, since=self.since), now)
         self.editor.adopt(self.plan)
         self._edited, self._repeat_due = True, now
         yield from self._reloading.answer(self.editor.count)
 
     @property
-    def _since(self) -> int:
+    def since(self) -> int:
         """The first camera event of a configuration that follows this one."""
-        return 1 + max(director.event.camera_event for director in self._directors)
+        return 1 + max(director.event.camera_event for director in self.directors)
 
     @property
     def newest_plan(self) -> Plan:
         """What a rank has to know that starts now: also while others go over to it."""
         coming = self._reloading.coming
-        return self.plan if coming is None else replace(coming, since=self._since)
+        return self.plan if coming is None else replace(coming, since=self.since)
 
     @property
     def lost(self) -> Mapping[int, str]:
@@ -158,7 +158,7 @@ class Manager:
                 self.joining.check(message)
                 if self.register.take(message, now):
                     self._succeed(message.rank, now)
-                for director in () if self._reloading.adopting else self._directors:  # who joins late gets the state
+                for director in () if self._reloading.adopting else self.directors:  # who joins late gets the state
                     yield Send(message.rank, director.event)
                 if self.balancer is not None:
                     yield Send(message.rank, self.balancer.assignment)
@@ -194,7 +194,7 @@ class Manager:
             elif isinstance(message, Leave):
                 self.register.leave(message.rank, now)
             elif isinstance(message, EditRequest):
-                steer = partial(self._commands.take_asked, plan=self.plan, directors=self._directors, now=now)
+                steer = partial(self._commands.take_asked, plan=self.plan, directors=self.directors, now=now)
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now, steer))
                 self._edited = True
             elif isinstance(message, Died):
@@ -204,7 +204,7 @@ class Manager:
             elif isinstance(message, End):
                 self.ended = self.ended or message.reason
             elif isinstance(message, TrackerPacket):
-                self.counters.update(filter(None, [director.tracker.take(message) for director in self._directors]))
+                self.counters.update(filter(None, [director.tracker.take(message) for director in self.directors]))
             elif isinstance(message, TrackerStrangers):
                 self.counters["tracker_stranger"] += message.count
             elif isinstance(message, Packet):
@@ -240,7 +240,7 @@ class Manager:
                 if parsed.kind == "undo" and self._reloading.can_undo and not self.editor.can_undo:
                     yield from self._reloading.undo(now)
                 else:
-                    self._edited |= self._commands.take(parsed, self.editor, self._directors, now)
+                    self._edited |= self._commands.take(parsed, self.editor, self.directors, now)
             except RemoteProtocolError:
                 self.counters["bad_command"] += 1
             except EditError as error:
@@ -258,7 +258,7 @@ class Manager:
         if self._phase in (Phase.RUNNING, Phase.HOLDING):
             yield from self.register.on_tick(now)
             excused = {rank for rank in self.lost if self.register.excused(rank)}
-            yield from self._reloading.on_tick(now, self._since, excused)
+            yield from self._reloading.on_tick(now, self.since, excused)
             if (plan := self._reloading.adopted(self.heartbeats, now, self.lost)) is not None:
                 yield from self._adopt(plan, now)
             if not self._reloading.adopting:
@@ -292,15 +292,15 @@ class Manager:
         self._edited = self._edited and not wanted
         commands = self._commands.taken() if wanted or not running else []
         editor, before = self.editor, self._shown_event.scene_event
-        for director in self._directors:
+        for director in self.directors:
             if wanted:
-                own = commands_of(director, commands, self._directors)
+                own = commands_of(director, commands, self.directors)
                 news = director.update(own, now, editor.edits, editor.picture)
             else:
                 news = not running and director.hold()
             if news or now >= self._repeat_due:
                 yield Broadcast(director.event)
-                if director is self._directors[-1]:
+                if director is self.directors[-1]:
                     if now >= self._repeat_due and self.balancer is not None:
                         yield Broadcast(self.balancer.assignment)
                     self._repeat_due = now + min(REPEAT_S, self._layout.config.transport.lost_after_s / 2)
@@ -317,12 +317,12 @@ class Manager:
     @property
     def events(self) -> list[Event]:
         """The newest of every view."""
-        return [director.event for director in self._directors]
+        return [director.event for director in self.directors]
 
     @property
     def _shown_event(self) -> Event:
         """The event of the first view, which says what time it is."""
-        return self._directors[0].event
+        return self.directors[0].event
 
     def _waits(self) -> bool:
         """In lock step: whether a frame is still under way; with a barrier, whether a view is still to be shown."""
@@ -334,7 +334,7 @@ class Manager:
     def _shows_newest(self, rank: int) -> bool:
         """Whether a renderer has said that it has the newest events; with a barrier, that it shows them."""
         beat = self.heartbeats.get(rank)
-        number = summed_number(self._directors[view].event for view in self._layout.views_of(rank))
+        number = summed_number(self.directors[view].event for view in self._layout.views_of(rank))
         return beat is not None and (beat.camera_event, beat.scene_event) == number
 
     def _release(self) -> None:
@@ -357,7 +357,7 @@ class Manager:
             return self.escape
         if self._closed and not self._window_ranks - self._closed - self.lost.keys():
             return ALL_CLOSED
-        if self._seconds is not None and now - self._began >= self._seconds:
+        if self._seconds is not None and now - self.began >= self._seconds:
             return "time is up"
         return "complete" if self._until_complete and self._settled(now) else ""
 

@@ -24,8 +24,14 @@ USUAL = 3.0  # times as long as usual a rank may take for something new before i
 PAUSE_S = 0.5  # the manager never waits so long by itself: what it did not listen to then is no silence
 NOT_YET = "has not come yet"  # how a place is lost that is new
 MOST_NOTES = 256  # that wait to be told; of more the newest
-HEAD_LOST_BEATS = 3.0  # times lost_after_s without a message of the manager, then a rank ends itself
+HEAD_LOST_S = 60.0  # without a message of the manager, at the least; then a rank ends itself
+HEAD_LOST_BEATS = 3.0  # likewise, times lost_after_s
 SignOfLife: TypeAlias = Heartbeat | Alive
+
+
+def head_lost_s(transport: TransportConfig) -> float:
+    """For how long the manager may say nothing; where its process has ended ranks end before."""
+    return max(HEAD_LOST_S, HEAD_LOST_BEATS * transport.lost_after_s)
 
 
 class Register:
@@ -251,7 +257,7 @@ class Standing:
         if self._heard is None:
             self._heard = now
         silence = now - self._heard
-        alone, self._alone = self._alone, silence > HEAD_LOST_BEATS * self._transport.lost_after_s
+        alone, self._alone = self._alone, silence > head_lost_s(self._transport)
         if alone and self._alone:  # twice: after a pause of this rank its messages still wait to be taken in
             yield Finish(f"rank {self._hello.rank}: nothing from the head for {silence:.1f} s; giving up")
 

@@ -245,7 +245,7 @@ def summary_of(
             "updates_shown": sum(beat.updates_shown for beat in beats.values()),
             "updates_shared": sum(beat.updates_shared for beat in beats.values()),
         },
-        "assignments": 0 if manager.balancer is None else manager.balancer.assignment.number,
+        "assignments": 0 if manager.balancer is None else manager.balancer.made,
         "ranks": [_rank_summary(layout, k, beats.get(k), manager.register.members.get(k)) for k in range(layout.size)],
     }
 

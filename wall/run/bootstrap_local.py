@@ -12,13 +12,12 @@ import os
 import signal
 import sys
 import time
-import traceback
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from wall.core.errors import RunError, WallError
-from wall.run.bootstrap import end_with_parent
+from wall.core.errors import RunError
+from wall.run.children import Children, Main, belong_to, descriptors, how_ended, run_child
 from wall.run.endings import REASONS
 from wall.transport.curve import Keys
 
@@ -60,13 +59,13 @@ class LocalBootstrap:
             own = pipes[rank - 1][0]
             others = [end for pipe in pipes for end in pipe if end is not own] + [to_nursery, at_nursery]
             child = context.Process(
-                target=_run_child,
-                args=(rank, size, own, others, main, os.getpid(), keys[rank], list(siblings)),
+                target=run_child,
+                args=(rank, own, others, as_rank(size, main), os.getpid(), keys[rank], list(siblings)),
                 name=f"wall rank {rank}",
             )
-            known = _descriptors()
+            known = descriptors()
             child.start()
-            siblings += sorted(_descriptors() - known)
+            siblings += sorted(descriptors() - known)
             children.append(child)
         nursery = None
         if again:
@@ -94,7 +93,7 @@ class LocalBootstrap:
         ended = self._nursery.ended() if self._nursery is not None else {}
         for rank, child in enumerate(self._children, start=1):
             if child.exitcode and rank not in self._again:
-                ended[rank] = _how(child.exitcode)
+                ended[rank] = how_ended(child.exitcode)
         if ended and self._nursery is not None and (gone := self._nursery.gone):
             said = f"; what starts ranks again had ended, {gone}"
             return {rank: how + said * (rank not in self._again) for rank, how in ended.items()}
@@ -134,7 +133,7 @@ class Nursery:
     @property
     def gone(self) -> str:
         """How it has ended; "" while it is there."""
-        return "" if self._process.exitcode is None else _how(self._process.exitcode)
+        return "" if self._process.exitcode is None else how_ended(self._process.exitcode)
 
     def fork(self, rank: int, text: str) -> bool:
         """Fork a rank, which gets `text` as a broadcast. Returns whether the nursery is there."""
@@ -166,6 +165,11 @@ class Nursery:
             self._process.join(STOP_WAIT_S)
 
 
+def as_rank(size: int, main: Callable[[LocalBootstrap], None]) -> Main:
+    """What a forked process does to be a rank of so many."""
+    return lambda rank, pipe, keys: main(LocalBootstrap(rank, size, [pipe], [], keys=keys))
+
+
 def _nurse(
     size: int,
     pipe: Connection,
@@ -176,100 +180,29 @@ def _nurse(
     siblings: Sequence[int],
 ) -> None:
     """The nursery: forks the ranks that it is told to, tells of those that end badly, ends when nobody can tell it."""
-    _belong_to(parent, others, siblings)
-    context = multiprocessing.get_context("fork")
-    children: dict[int, BaseProcess] = {}
-    held: dict[int, list[int]] = {}  # by child: descriptors by which this process knows of it, which others inherit
+    belong_to(parent, others, siblings)
+    children = Children(as_rank(size, main), keys)
     while True:
-        sentinels = {child.sentinel: rank for rank, child in children.items()}
-        ready = wait([pipe, *sentinels])
-        for rank in [sentinels[each] for each in ready if isinstance(each, int)]:
-            child = children.pop(rank)
-            child.join()
-            if code := child.exitcode:
+        ready = wait([pipe, *children.sentinels])
+        for rank, code in children.ended(ready):
+            if code:
                 with contextlib.suppress(OSError):  # rank 0 asks no more
-                    pipe.send((rank, _how(code)))
-            child.close()
-            del held[rank]
+                    pipe.send((rank, how_ended(code)))
         if pipe in ready:
             try:
                 rank, text = pipe.recv()
             except (OSError, EOFError):
                 break
             try:
-                reader, writer = context.Pipe(duplex=False)
-                others_held = [descriptor for each in held.values() for descriptor in each]
-                args = (rank, size, reader, [pipe, writer], main, os.getpid(), keys[rank], others_held)
-                child = context.Process(target=_run_child, args=args)
-                before = _descriptors()
-                child.start()
-                held[rank] = sorted(_descriptors() - before)
+                writer = children.fork(rank, [pipe])
             except OSError as error:  # no memory, or no process left
                 with contextlib.suppress(OSError):
                     pipe.send((rank, f"could not be started: {error}"))
                 continue
-            children[rank] = child
-            reader.close()  # so that a rank that is gone is noticed, and does not hold up what it was to be told
             with contextlib.suppress(OSError), writer:
                 writer.send_bytes(text.encode())
-    for child in children.values():
-        child.join()  # rank 0 ends this process, and they with it, when that takes too long
+    children.join()  # rank 0 ends this process, and they with it, when that takes too long
     os._exit(0)
-
-
-def _descriptors() -> set[int]:
-    """All that are open in this process."""
-    found = set()
-    for name in os.listdir("/proc/self/fd"):
-        with contextlib.suppress(OSError):  # that of the folder itself, which is closed by now
-            os.fstat(int(name))
-            found.add(int(name))
-    return found
-
-
-def _how(exit_code: int) -> str:
-    return f"signal {-exit_code}" if exit_code < 0 else f"exit code {exit_code}"
-
-
-def _belong_to(parent: int, ends: list[Connection], siblings: Sequence[int]) -> None:
-    """Of a forked process: die with its parent, which gets the signals that end the run; close what is others'.
-
-    `siblings`: descriptors by which the parent knows of other ranks.
-    """
-    end_with_parent(signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
-    for end in ends:
-        end.close()
-    for descriptor in siblings:
-        os.close(descriptor)
-
-
-def _run_child(
-    rank: int,
-    size: int,
-    pipe: Connection,
-    others: list[Connection],
-    main: Callable[[LocalBootstrap], None],
-    parent: int,
-    keys: Keys | None,
-    siblings: Sequence[int],
-) -> None:
-    """A forked rank: says why it failed."""
-    _belong_to(parent, others, siblings)
-    code = 1
-    try:
-        main(LocalBootstrap(rank, size, [pipe], [], keys=keys))
-        code = 0
-    except WallError as error:
-        said = str(error)
-        print(said if said.startswith("rank ") else f"rank {rank}: {said}", file=sys.stderr, flush=True)
-    except Exception:
-        traceback.print_exc()
-    finally:
-        if sys.stderr is not None:
-            sys.stderr.flush()
-        os._exit(code)  # no exit handlers of the parent's libraries
 
 
 def _receive(pipe: Connection) -> str:

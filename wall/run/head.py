@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from wall.display.saving import Saver
 from wall.packets.notes import Level, note_of
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import MANAGER, Died, End, Invitation
+from wall.roles.legacy import inherit, legacy_of, plan_after
 from wall.roles.manager import Manager
 from wall.roles.plan import HEAD, Plan
 from wall.roles.status import summary_of
@@ -37,6 +39,7 @@ from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, told_again, ways_of
 from wall.run.sinks import (
+    PageAt,
     distinct,
     make_metrics_server,
     make_sinks,
@@ -45,6 +48,7 @@ from wall.run.sinks import (
     save_images,
     window_input_of,
 )
+from wall.run.standby import Estate, StandbyBootstrap, Where
 from wall.run.succession import FileWatch, Preparer
 from wall.run.tracker_input import TrackerInput
 from wall.run.usage import cpu_seconds
@@ -127,8 +131,11 @@ class HeadProcess:
         plan, options, clock = self._plan, self._options, self._clock
         trackers = TrackerInput(lambda: self._manager.plan if self._manager is not None else plan, clock, say)
         closing.later(trackers.close)
-        key, keys = new_key(), self._bootstrap.keys
-        control = open_data_hub(plan, None if keys is None else keys.with_guests(key))
+        standby = self._bootstrap if isinstance(self._bootstrap, StandbyBootstrap) else None
+        before = standby.estate if standby is not None else None
+        key, keys = standby.key if standby is not None else new_key(), self._bootstrap.keys
+        with_guests = None if keys is None else keys.with_guests(key)
+        control = open_data_hub(plan, with_guests, again=before.where.endpoint if before is not None else "")
         manager_ways = Ports(MANAGER, clock, hub=control)
         closing.later(manager_ways.close)
         address = {"manager": control.endpoint, "machine": machine_id()}
@@ -142,7 +149,10 @@ class HeadProcess:
         closing.later(ways.close)
         closing.later(self._end_ranks)
         closing.later(self._write_last_summary)
-        sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
+        sinks, browser = make_sinks(
+            plan, HEAD, options.out, headless=options.headless, again=before is not None,
+            page=before.where.page if before is not None else None,
+        )  # fmt: skip
         self._sinks = distinct(sinks)
         for sink in self._sinks:
             closing.later(sink.close)
@@ -169,6 +179,8 @@ class HeadProcess:
             plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete, key=key,
             fixed="its events are recorded" if options.record is not None else "",
         )  # fmt: skip
+        if standby is not None and before is not None:
+            inherit(self._manager, before.legacy, standby.how)
         if log is not None:
             log.begin(began=began, display_delay_s=plan.view.display_delay_s)
 
@@ -188,6 +200,10 @@ class HeadProcess:
         manager_ways.answer_page = page_answers(sinks)
         if not control.endpoint.startswith(LOOPBACK):
             sources.append(self._invitations)
+        page = browser.address if browser else ""
+        if standby is not None:
+            page_at = PageAt(page, browser.tokens) if browser else None
+            sources.append(partial(self._leave, standby, Where(json.dumps(address), control.endpoint, page_at)))
         if options.watch:
             sources.append(FileWatch(plan.layout.loaded.path).changes)
         managing = ManagerThread(
@@ -199,7 +215,8 @@ class HeadProcess:
         self._signals.install()
         closing.later(Saver(self._save_summary).close)
         with self._reachable(control.endpoint, key, served.address if (served := browser or metrics) else ""):
-            opened(browser.address if browser else "")
+            if before is None:
+                opened(page)
             managing.start()
             self._managed = True  # it tells ranks to end
             try:
@@ -211,6 +228,13 @@ class HeadProcess:
                 managing.join(STOP_WAIT_S)
         if managing.failure is not None:
             self.failures.append(f"the manager failed: {managing.failure!r}")
+
+    def _leave(self, standby: StandbyBootstrap, where: Where) -> tuple[()]:
+        """Write down what the next head needs, should this one die."""
+        assert self._manager is not None
+        manager = self._manager
+        standby.leave(lambda before: Estate(where=where, legacy=legacy_of(manager, before)))
+        return ()
 
     def _reachable(self, endpoint: str, key: str, page: str) -> AbstractContextManager[None]:
         """While inside, other processes find the manager."""
@@ -300,8 +324,8 @@ class HeadProcess:
             return None
         assert isinstance(self._loop.role, Compositor)
         now = self._clock.now()
-        seconds = now - self._began
-        cores = (cpu_seconds() - self._cpu) / max(seconds, 1e-3)
+        seconds, own = now - self._manager.began, now - self._began  # of the run, of this head
+        cores = (cpu_seconds() - self._cpu) / max(own, 1e-3)
         return summary_of(self._manager, self._loop.role, now=now, seconds=seconds, cores=cores, ended=ended)
 
     def outcome(self) -> Outcome:
@@ -319,6 +343,11 @@ class HeadProcess:
 
 def lead(plan: Plan, bootstrap: Bootstrap, preparer: Preparer, options: Options, say: Say, opened: Say) -> Outcome:
     """Be the head. Whatever fails, everything is closed, and what came is written."""
+    if isinstance(bootstrap, StandbyBootstrap) and bootstrap.estate is not None:
+        legacy = bootstrap.estate.legacy
+        if legacy.number:
+            plan, _ = preparer.make(legacy.number, legacy.text, legacy.path)
+        plan = plan_after(plan, legacy)
     head = HeadProcess(plan, bootstrap, preparer, options)
     try:
         head.run(say, opened)

@@ -41,6 +41,8 @@ from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
 from wall.run.recording import begin_recording, check_unused
 from wall.run.same_files import check_same
+from wall.run.sinks import import_page
+from wall.run.standby import Stand
 from wall.run.succession import Preparer
 from wall.run.turns import Turns
 from wall.run.usage import give_memory_back
@@ -96,13 +98,23 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
             headless=options.headless, out=options.out, record=options.record, turns=turns,
         )  # fmt: skip
 
+    transport = layout.config.transport
+    if transport.standby:
+        if not (kept := options.record or options.images):
+            if not options.headless:
+                import_page(plan)
+            say(f"starting {layout.size} processes")
+            return Stand(
+                layout.size, main, lambda head: lead(plan, head, Preparer(plan, machines), options, say, opened),
+                encrypted=transport.encrypted,
+            ).run()  # fmt: skip
+        say(f"note: transport.standby: no head takes another's place, which could not go on with {kept}")
     bootstrap: Bootstrap
-    if layout.config.transport.kind == "loopback":
+    if transport.kind == "loopback":
         say(f"starting {layout.size} threads")
         bootstrap = ThreadBootstrap.start(layout.size, main)
     else:
         say(f"starting {layout.size} processes")
-        transport = layout.config.transport
         bootstrap = LocalBootstrap.start(layout.size, main, again=transport.restarts > 0, encrypted=transport.encrypted)
     try:
         return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)
@@ -141,6 +153,8 @@ def _run_launched(
         layout, say if bootstrap.rank == HEAD else lambda line: None, headless=options.headless,
         processes=machines.count(socket.gethostname()), ranks=_on(socket.gethostname(), by_rank),
     )  # fmt: skip
+    if layout.config.transport.standby and bootstrap.rank == HEAD:
+        say("note: transport.standby: under MPI no head takes another's place")
     if options.record is not None and bootstrap.rank == HEAD:
         begin_recording(options.record, plan)
     preparer = Preparer(plan, by_rank)

@@ -32,6 +32,7 @@ from wall.run.clock import HeadClock
 from wall.transport.base import FIRST_CLIENT, GUEST, MAX_CONTROL, PAGE, Hub, Link
 from wall.transport.curve import Keys, is_key
 from wall.transport.factory import connect
+from wall.transport.probe import Probe
 
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 SYNCHRONISE_S = 30.0  # for the manager's first answer: its host may be slow to start
@@ -39,6 +40,7 @@ MAX_REASON = 1000  # characters of why an answer could not be sent
 FORMER = 256  # links of ranks whose place others have: so many are remembered
 REPLACED = "another process has taken the place of this rank"
 FIRST_PING_S = 0.1  # between pings until one is answered
+ASK_AFTER_S = 1.0  # without a word of the head: then it is asked whether it is there
 
 
 class Ports:
@@ -46,14 +48,17 @@ class Ports:
 
     def __init__(
         self, rank: int, clock: HeadClock, *, hub: Hub | None, manager: Link | None = None, ping_s: float | None = None,
-        keys: Keys | None = None, heartbeat_s: float | None = None,
+        keys: Keys | None = None, heartbeat_s: float | None = None, asks: bool = True,
     ) -> None:  # fmt: skip
         """`manager`: None for the manager itself. `ping_s`: between pings, None where the head's clock is also ours.
 
         `keys`: for links to other ranks, see Keys. `heartbeat_s`: between signs of life that go on while the loop is
-        held up; None: nobody waits for them.
+        held up; None: nobody waits for them. `asks`: whether the head is there, once it is silent; not where this
+        process ends with its parent, which may put another head in its place.
         """
         self._rank, self._clock, self._hub, self._manager, self._ping_s = rank, clock, hub, manager, ping_s
+        self._probe = Probe(manager.endpoint) if manager is not None and asks else None
+        self._heard = time.monotonic()  # when the manager said something
         self._counters = Counter[str]()
         self._links: dict[int, Link] = {}
         self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
@@ -82,13 +87,17 @@ class Ports:
             self._backlog.extend(self._of_manager(self._manager))
 
     def receive(self) -> Iterator[Input]:
-        """What came, from the manager first. A packet's credit goes back when the next message is asked for."""
+        """What came, from the manager first. A packet's credit goes back when the next message is asked for.
+
+        Raises RunError where the head's process has ended.
+        """
         if self._manager is not None:
             if self._ping_s is not None:  # throughout: the clocks of two machines drift apart
                 self._ping(self._manager, self._ping_s)
             while self._backlog:
                 yield self._backlog.popleft()
             yield from self._of_manager(self._manager)
+            self._check_head()
         if self._hub is not None:
             for peer, packet in self._hub.drain(DRAIN_BYTES):
                 if self._is_of_its_rank(packet, peer, self._hub):
@@ -188,6 +197,8 @@ class Ports:
         """Close all of them, within a bounded time each."""
         if self._beater is not None:
             self._beater.close()
+        if self._probe is not None:
+            self._probe.close()
         for way in self._ways():
             way.close()
 
@@ -201,8 +212,15 @@ class Ports:
             self._ping_due = now + every
             manager.send(serialise(Ping(sent=now)))
 
+    def _check_head(self) -> None:
+        """Silence is no end: the network may be cut, the head held up. Raises RunError where nobody listens there."""
+        now = time.monotonic()
+        if self._probe is not None and now - self._heard > ASK_AFTER_S and self._probe.refused(now):
+            raise RunError(f"rank {self._rank}: the head has ended without a word")
+
     def _of_manager(self, manager: Link) -> Iterator[Message]:
         for data in manager.receive():
+            self._heard = time.monotonic()
             message = self._parsed(data)
             if isinstance(message, Pong):
                 self._clock.learn(message.sent, message.head_time)

@@ -202,7 +202,7 @@ def ways_of(plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str], clock:
     manager, ping_s = _manager_of(plan, bootstrap, address)
     return Ports(
         bootstrap.rank, clock, hub=hub, manager=manager, ping_s=ping_s, keys=bootstrap.keys,
-        heartbeat_s=plan.layout.config.transport.heartbeat_s,
+        heartbeat_s=plan.layout.config.transport.heartbeat_s, asks=not isinstance(bootstrap, LocalBootstrap),
     )  # fmt: skip
 
 
@@ -218,11 +218,14 @@ def hello_of(rank: int, endpoint: str, key: str = "") -> Hello:
     return Hello(rank=rank, host=socket.gethostname(), endpoint=endpoint, incarnation=incarnation, key=key)
 
 
-def open_data_hub(plan: Plan, keys: Keys | None) -> Hub:
-    """A hub as the configuration wants it, for those who have keys."""
+def open_data_hub(plan: Plan, keys: Keys | None, *, again: str = "") -> Hub:
+    """A hub as the configuration wants it, for those who have keys; `again`: the endpoint that it had before."""
     transport = plan.layout.config.transport
+    ports = transport.port_range
+    if again:
+        ports = (int(again.rpartition(":")[2]),) * 2
     return open_hub(
-        transport.kind, transport.bind, credit_bytes=transport.credit_bytes, keys=keys, ports=transport.port_range,
+        transport.kind, transport.bind, credit_bytes=transport.credit_bytes, keys=keys, ports=ports,
         allow=transport.allow,
     )  # fmt: skip
 

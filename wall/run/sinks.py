@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
@@ -28,14 +30,21 @@ if TYPE_CHECKING:
     from wall.display.metrics_server import MetricsServer
 
 
+@dataclass(frozen=True, slots=True)
+class PageAt:
+    """Where a page is served, and what lets steer it, or watch."""
+
+    address: str
+    tokens: tuple[str, str]
+
+
 def make_sinks(
-    plan: Plan, rank: int, out: Path, *, headless: bool, again: bool = False
+    plan: Plan, rank: int, out: Path, *, headless: bool, again: bool = False, page: PageAt | None = None
 ) -> tuple[list[Sink | None], Browser | None]:
     """The sinks of a rank in the order of the graph, and the page among them; None where `headless` leaves one out.
 
     All windows of a rank are one sink, which stands in the list for each of them. `again`: go on with what the rank
-    recorded before. Raises RunError where a display
-    cannot be reached.
+    recorded before; `page`: where it was before. Raises RunError where a display cannot be reached.
     """
     output, layout = plan.layout.config.output, plan.layout
     windows = None if headless else _windows(plan, rank)
@@ -54,15 +63,23 @@ def make_sinks(
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
-            page = output.browser
-            access = _access(layout.loaded)
+            served, access = output.browser, _access(layout.loaded)
+            port = served.port if page is None else urlsplit(page.address).port or served.port
+            if page is not None:
+                access |= dict(zip(("steer_token", "watch_token"), page.tokens, strict=True))
             folder = layout.loaded.folder
             sink = browser = Browser(
-                page.host, page.port, layout.wall, embed=page.embed, load=page.load, folder=folder, **access
+                served.host, port, layout.wall, embed=served.embed, load=served.load, folder=folder, **access
             )
             lay_out(plan, [browser])
         sinks.append(sink)
     return sinks, browser
+
+
+def import_page(plan: Plan) -> None:
+    """Load what serves a page, if there is one: a process that is forked from this one has it at once."""
+    if any(sink.kind == "browser" for sink in plan.layout.graph.sinks):
+        import wall.display.browser  # noqa: F401
 
 
 def make_metrics_server(plan: Plan) -> MetricsServer | None:

@@ -49,7 +49,8 @@ class Inbox:
 class Link(ABC):
     """A rank's end. `counters` holds what was dropped: no_credit, control_overflow, ..."""
 
-    def __init__(self) -> None:
+    def __init__(self, endpoint: str) -> None:
+        self.endpoint = endpoint  # of the hub
         self.counters = Counter[str]()
         self.credit = LinkCredit(self.counters)
         self.note = ""  # why memory is not shared with a hub of the same machine, once that is known

@@ -85,7 +85,7 @@ class LoopbackLink(Link):
     """Link to a hub in the same process; to one that is closed, it is never welcomed and has no credit."""
 
     def __init__(self, endpoint: str) -> None:
-        super().__init__()
+        super().__init__(endpoint)
         self.inbox: deque[bytes] = deque()
         self.something = threading.Condition()
         self._hub = _hubs.get(endpoint)  # none: the other rank has ended before this one came so far

@@ -47,7 +47,7 @@ class ZmqLink(Link):
 
     def __init__(self, endpoint: str, *, rank: int, keys: Keys | None = None, to: int = 0) -> None:
         """`keys`: what is sent is encrypted, and the hub has to be that of rank `to`. None: neither."""
-        super().__init__()
+        super().__init__(endpoint)
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._lock = threading.Lock()
         self._socket = open_socket(self._context, zmq.DEALER)

@@ -208,7 +208,7 @@ def test_input_at_windows_of_a_remote_compositor_steers_and_ends_the_run(elsewhe
     wishes = [{"kind": "pause"}, {"kind": "zoom", "x": "much"}, 7, {"kind": "statistics", "value": "on"}]
     run.tell(WindowInput(rank=1, commands=wishes))
     run.tell(WindowInput(rank=2, commands=[{"kind": "reset"}], escape="Escape", closed=True))
-    event = manager._directors[0].event
+    event = manager.directors[0].event
     assert (event.paused, event.statistics) == (True, True)
     assert manager.counters == {"bad_command": 2, "bad_message": 1}, "rank 2 renders"
     assert manager.ended == ""

@@ -11,6 +11,7 @@ import pytest
 from packet_examples import batch_of, plain_samples
 
 from wall.core.data import Framelet, Rect
+from wall.core.errors import RunError
 from wall.packets.control import (
     MAX_ANSWER_BYTES,
     EditAnswer,
@@ -36,6 +37,7 @@ from wall.transport.base import FIRST_CLIENT, GUEST, PAGE, Hub
 from wall.transport.curve import Keys
 from wall.transport.factory import connect, open_hub
 from wall.transport.loopback import LoopbackHub, LoopbackLink
+from wall.transport.probe import REFUSALS
 from wall.transport.zeromq import ZmqHub, ZmqLink
 
 KINDS = ("loopback", "zmq")
@@ -66,6 +68,21 @@ def test_a_stray_control_message_at_a_data_hub_is_counted_and_its_owner_sleeps_a
     assert ports.drops() == {"stray_message": 1}
     assert sleeps(ports)
     close(stray, ports, control)
+
+
+def test_a_rank_ends_where_the_head_s_port_refuses_it_and_not_where_the_head_is_only_silent() -> None:
+    control = open_hub("zmq", "127.0.0.1", credit_bytes=1 << 20)
+    rank = Ports(1, HeadClock(), hub=None, manager=connect(control.endpoint, rank=1))
+    rank._heard -= 50.0
+    assert rank._probe is not None
+    for _ in range(2 * REFUSALS):  # the kernel takes the connection, whatever the head's process does
+        assert list(rank.receive()) == []
+        rank._probe._due = 0.0
+        time.sleep(0.01)
+    control.close()
+    with pytest.raises(RunError, match="rank 1: the head has ended without a word"):
+        comes_true(lambda: list(rank.receive()) != [])
+    rank.close()
 
 
 def test_why_memory_is_not_shared_is_said_once() -> None:

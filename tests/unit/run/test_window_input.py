@@ -79,12 +79,12 @@ def test_keys_at_a_window_away_from_the_head_steer_and_escape_ends_the_run() -> 
         managing = Loop(manager, Ports(MANAGER, clock, hub=control), clock, sources=[lambda: ends], longest_wait_s=0.01)
         with remote(plan, control) as (loop, _):
             threads = [threading.Thread(target=each.run) for each in (managing, loop)]
-            before = manager._directors[0].event.camera
+            before = manager.directors[0].event.camera
             for thread in threads:
                 thread.start()
             try:
                 press(display, XK.XK_Right, (60, 45))
-                assert comes_true(lambda: manager._directors[0].event.camera != before)
+                assert comes_true(lambda: manager.directors[0].event.camera != before)
                 press(display, XK.XK_Escape, (60, 45))
                 assert comes_true(lambda: manager.ended == "Escape was pressed in the window of panel far")
             finally:

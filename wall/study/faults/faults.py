@@ -24,6 +24,7 @@ from wall.display.viewer import Seen
 from wall.roles.plan import HEAD, Layout, make_layout, window_panels
 from wall.roles.stale import Place, stale_places
 from wall.study import json_lines
+from wall.study.faults.hosts import Hosts
 from wall.study.faults.walls import FaultyWall, Slowed
 from wall.study.live.rewriting import text_in_motion
 from wall.study.live.runs import IMAGES, Bystanders
@@ -33,18 +34,23 @@ from wall.study.speed import record
 FILE = "faults.jsonl"
 OWN = Path(__file__).parents[3] / "configs" / "two_compositors.yaml"
 KILLED, FROZEN, SLOWED, FULL = "killed", "frozen", "slowed", "full disk"
+CUT, SLOW_LINK = "cut", "slow link"  # of a host
 SETTLE_S = 3.0  # that a wall runs before it is looked at
 FROZEN_S = 1.5  # that a process stands still
-MOST_MARKED_MS = {KILLED: 100.0, FROZEN: 400.0}  # what is wanted, as all of the following
+CUT_S = 8.0  # that a host is cut off: longer than a rank may be silent, and than ZeroMQ keeps a connection
+SLOW_BITS_S = 1_000_000
+PORTS = "9000-9100"
+MOST_MARKED_MS = {KILLED: 100.0, FROZEN: 400.0, CUT: 400.0}  # what is wanted, as all of the following
 MOST_LOST, LOST_S = 10.0, 1.0  # percent of the others' samples that may be lost after so long
 MOST_AGAIN_MS = 3000.0
 MOVED_S, WHOLE = 0.5, 0.8  # of the pixels that changed so shortly before the fault: over others nothing moves any more
 DISK = "1m"  # a folder of results that is soon full
 NOTE = (
     f"Noticed and marked: on the page, after the fault; wanted: {MOST_MARKED_MS[KILLED]:g} ms where a process was "
-    f"killed, {MOST_MARKED_MS[FROZEN]:g} ms where it was frozen. Whole image: {WHOLE:.0%} of the pixels that moved "
-    f"in the {MOVED_S:g} s before have changed since the process died, or went on; wanted: {MOST_AGAIN_MS:g} ms. "
-    f"Others: samples that the other renderers lost, from {LOST_S:g} s after the fault on; wanted: {MOST_LOST:g} %. "
+    f"killed, {MOST_MARKED_MS[FROZEN]:g} ms where it was frozen or its host cut off. Whole image: {WHOLE:.0%} of the "
+    f"pixels that moved in the {MOVED_S:g} s before have changed since the process died, or went on; wanted: "
+    f"{MOST_AGAIN_MS:g} ms. Others: samples that the other renderers lost, from {LOST_S:g} s after the fault on; "
+    f"wanted: {MOST_LOST:g} %. "
     "Left: processes 3 s after the end; wanted: none."
 )
 Say = Callable[[str], None]
@@ -79,24 +85,31 @@ class Row:
     command: str
 
 
-def faults_of(layout: Layout) -> list[Fault]:
-    """The faults that a wall can have."""
+def faults_of(layout: Layout, hosts: int = 0) -> list[Fault]:
+    """The faults that a wall can have whose ranks are forked, or started by mpirun on so many `hosts`."""
     ranks = {"renderer": layout.size - 1, "compositor": layout.graph.compositors - 1}
     there = {role: rank for role, rank in ranks.items() if rank != HEAD}
     kinds = [
         Fault(kind=kind, role=role, rank=rank) for role, rank in there.items() for kind in (KILLED, FROZEN, SLOWED)
     ]
-    return [*kinds, Fault(kind=KILLED, role="head", rank=HEAD), Fault(kind=FULL, role="", rank=None)]
+    head = Fault(kind=KILLED, role="head", rank=HEAD)
+    if not hosts:
+        return [*kinds, head, Fault(kind=FULL, role="", rank=None)]
+    network = [Fault(kind=kind, role="host", rank=layout.size - 1) for kind in (CUT, SLOW_LINK)]
+    return [*kinds, *network[: 2 * (hosts > 1)], head]
 
 
-def measure(config: Path, *, seconds: float, out: Path, say: Say) -> list[Row]:
-    """Run a wall for each fault. Raises RunError, ConfigError."""
+def measure(config: Path, *, seconds: float, hosts: int = 0, out: Path, say: Say) -> list[Row]:
+    """Run a wall for each fault; `hosts`: see faults_of. Raises RunError, ConfigError."""
     loaded = load(config)
+    if hosts:
+        transport = loaded.config.transport.model_copy(update={"bind": "0.0.0.0", "ports": PORTS})
+        loaded = loaded.with_config(loaded.config.model_copy(update={"transport": transport}))
     layout = make_layout(loaded)
     if window_panels(layout, range(layout.size)) or not any(sink.kind == "browser" for sink in layout.graph.sinks):
         raise ConfigError(f"{config}: has windows, or no page; wanted a wall whose page tells of all of it")
     rows = []
-    for fault in faults_of(layout):
+    for fault in faults_of(layout, hosts):
         say(f"measuring {config.stem}: {fault.role} {fault.kind}")
         folder = out / f"{config.stem}-{fault.role or 'disk'}-{fault.kind.replace(' ', '-')}"
         shutil.rmtree(folder, ignore_errors=True)
@@ -110,7 +123,10 @@ def measure(config: Path, *, seconds: float, out: Path, say: Say) -> list[Row]:
             others = Bystanders()
             path = folder / config.name
             path.write_text(text_in_motion(loaded), encoding="utf-8")
-            wall = FaultyWall(path, folder, results)
+            made = Hosts(hosts, folder / "hosts") if hosts else None
+            if made is not None:
+                closing.callback(made.close)
+            wall = FaultyWall(path, folder, results, hosts=made, ranks=layout.size)
             closing.callback(wall.close)
             rows.append(_measured(config, layout, fault, wall, others, seconds=seconds, results=results))
         shutil.rmtree(folder / IMAGES, ignore_errors=True)
@@ -134,7 +150,7 @@ def _measured(
 ) -> Row:
     time.sleep(SETTLE_S + seconds)
     began = time.monotonic()
-    ended = _do(fault, wall, seconds=seconds, results=results)
+    ended = _do(fault, wall, seconds=seconds, results=results)  # of the head: at the end
     if fault.role != "head":
         time.sleep(seconds)
     until, seen, dead = time.monotonic(), wall.seen, wall.process.poll() is not None
@@ -144,7 +160,7 @@ def _measured(
     if fault.role != "head":
         lost = others_lost(layout, seen, fault.rank, began=began, until=until, seconds=seconds)
     if fault.role != "head" and fault.kind != FULL:
-        again = whole_again(read_log(wall.images), of_rank, began=began, ended=ended)
+        again = whole_again(read_log(wall.images), of_rank, began=wall.clock(began), ended=wall.clock(ended))
     after = [each for each in seen if each.time >= began]
     detected = _first(after, began, lambda status: not status["ranks"][fault.rank]["alive"]) if of_rank else None
     marked = _first(after, began, lambda status: _marks(status, of_rank)) if of_rank else None
@@ -183,6 +199,18 @@ def _do(fault: Fault, wall: FaultyWall, *, seconds: float, results: Path) -> flo
     elif fault.kind == SLOWED:
         with Slowed(wall.process_of(fault.rank)):
             time.sleep(seconds)
+        return time.monotonic()
+    elif fault.kind in (CUT, SLOW_LINK):
+        assert wall.hosts is not None
+        host = wall.hosts.of(fault.rank)
+        if fault.kind == CUT:
+            wall.hosts.cut(host)
+            time.sleep(CUT_S)
+            wall.hosts.join(host)
+        else:
+            wall.hosts.slow(host, SLOW_BITS_S)
+            time.sleep(seconds)
+            wall.hosts.speed_up(host)
         return time.monotonic()
     return began
 

@@ -14,8 +14,11 @@ from pathlib import Path
 
 from wall.core.errors import RunError
 from wall.display.viewer import Seen, StatusViewer
+from wall.roles.plan import HEAD
+from wall.study.faults.hosts import Hosts
 from wall.study.live.runs import IMAGES, OUTPUT, START_S, stop
 
+AS_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}  # as hosts make everybody
 END_S = 15.0  # for a run that is told to end
 LEFT_S = 3.0  # after its end nothing may be left for longer
 LOOK_S = 0.02
@@ -26,20 +29,24 @@ class FaultyWall:
     """A running wall; `end` it, whatever happens."""
 
     def __init__(
-        self, config: Path, folder: Path, out: Path, *, most_s: float = MOST_S, keeps_images: bool = True
-    ) -> None:
+        self, config: Path, folder: Path, out: Path, *, most_s: float = MOST_S, keeps_images: bool = True,
+        hosts: Hosts | None = None, ranks: int = 0,
+    ) -> None:  # fmt: skip
         """`folder`: for its images and what it prints; `out`: for results; `most_s`: see MOST_S.
 
-        Raises RunError where it does not run.
+        `hosts`: where `ranks` are started by mpirun; None: they are forked. Raises RunError where it does not run.
         """
+        self.hosts = hosts
         self._output, self.images = folder / OUTPUT, folder / IMAGES
         command = [sys.executable, "-m", "wall", "run", str(config), "--seconds", f"{most_s:g}", "--out", str(out)]
         command += ["--images", str(self.images)] if keeps_images else []
+        if hosts is not None:
+            command = hosts.mpirun(ranks, "--with-ft", "ulfm", "-x", "PATH") + command
         no_desktop = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
         with self._output.open("w", encoding="utf-8") as output:
             self.process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=output,
-                stderr=subprocess.STDOUT, start_new_session=True, env=no_desktop,
+                stderr=subprocess.STDOUT, start_new_session=True, env=no_desktop | AS_ROOT,
             )  # fmt: skip
         try:
             self.address = self._wait_for_page()
@@ -62,25 +69,39 @@ class FaultyWall:
         limit = time.monotonic() + START_S
         while time.monotonic() < limit and self.process.poll() is None:
             if found := re.search(r"https?://\S+", self.said):
-                return found[0]
+                return found[0] if self.hosts is None else self.hosts.page(found[0])
             time.sleep(LOOK_S)
         raise RunError(f"the wall did not start: {self.said.strip()[-500:]}")
 
+    def clock(self, time: float) -> float:
+        """A moment of this process's monotonic clock by the head's."""
+        return time if self.hosts is None else time + self.hosts.ahead_s
+
     def process_of(self, rank: int) -> int:
         """The process of a rank that was not started again: the head forks them in order."""
+        if self.hosts is not None:
+            return self.hosts.ranks()[rank]
         return processes_of(self.process.pid)[rank]
 
     def end(self, number: signal.Signals) -> tuple[int | None, int]:
         """Send the head a signal. Returns its exit code, None: it does not end; and the processes left LEFT_S later."""
         self._page.close()
-        self.process.send_signal(number)
+        with contextlib.suppress(ProcessLookupError, KeyError):  # it has ended
+            os.kill(self.process.pid if self.hosts is None else self.process_of(HEAD), number)
         code = None
         with contextlib.suppress(subprocess.TimeoutExpired):
             code = self.process.wait(END_S)
         limit = time.monotonic() + LEFT_S
-        while (left := len(processes_of(self.process.pid))) and time.monotonic() < limit:
+        while (left := len(self._processes())) and time.monotonic() < limit:
             time.sleep(LOOK_S)
         return code, left
+
+    def _processes(self) -> set[int]:
+        """Those of it that are left; mpirun's own on other hosts are of other sessions."""
+        found = set(processes_of(self.process.pid))
+        if self.hosts is not None:
+            found.update(*map(self.hosts.processes, self.hosts.names))
+        return found
 
     def close(self) -> None:
         """End every process of it."""

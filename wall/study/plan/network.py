@@ -153,7 +153,7 @@ class SimulatedLink(Link):
     """A link over a simulated network."""
 
     def __init__(self, network: Network, process: Process, endpoint: str) -> None:
-        super().__init__()
+        super().__init__(endpoint)
         self.process, self._network, self._hub = process, network, network.hubs[endpoint]
         self.peer = f"{id(process)} {endpoint}".encode()
         self._inbox: deque[bytes] = deque()

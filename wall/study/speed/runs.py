@@ -122,9 +122,9 @@ def static_row(short: dict[str, Any], long: dict[str, Any]) -> Row:
 def memory_per_rank(seconds: float) -> list[Row]:
     """Largest resident sets of renderers: of the 2.1 million triangle forest by mpirun, and of one small panel."""
     small, local = renderer_peak(run(seconds)), renderer_peak(run(seconds, source="forest"))
-    if (mpirun := _mpirun()) is None:
+    if (program := mpirun()) is None:
         return memory_rows(small, local_mb=local)
-    launcher = (mpirun, "-n", "2")  # the head and one renderer
+    launcher = (program, "-n", "2")  # the head and one renderer
     return memory_rows(small, local_mb=local, mpi_mb=renderer_peak(run(seconds, source="forest", launcher=launcher)))
 
 
@@ -151,7 +151,7 @@ def renderer_peak(found: dict[str, Any]) -> float:
     return peak
 
 
-def _mpirun() -> str | None:
+def mpirun() -> str | None:
     """The launcher of this environment, or of the system."""
     own = Path(sys.executable).with_name("mpirun")
     return str(own) if own.exists() else shutil.which("mpirun")

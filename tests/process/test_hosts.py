@@ -1,0 +1,110 @@
+"""A wall on three hosts, made of namespaces: the same picture, whatever is done to their network."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from running import page_of, panels, shown, start, summary, until, until_written, write_config
+
+from wall.client import connect
+from wall.config.loading import load
+from wall.core.errors import RunError
+from wall.roles.plan import make_layout, make_plan
+from wall.run.single_process import SingleProcess
+from wall.study.faults.hosts import Hosts
+from wall.tracing.tracer_scene import make_tracer_scene
+
+pytestmark = [pytest.mark.clock, pytest.mark.mpi]
+PATIENCE_S = 20.0  # of a busy machine
+SLOW_BITS_S = 100_000  # a panel takes two seconds
+
+
+@pytest.fixture
+def hosts(tmp_path: Path) -> Iterator[Hosts]:
+    try:
+        made = Hosts(3, tmp_path / "hosts")
+    except RunError as error:
+        pytest.skip(str(error))
+    yield made
+    made.close()
+
+
+def comes(condition: Callable[[], bool], what: str) -> None:
+    limit = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < limit, f"never: {what}"
+        time.sleep(0.05)
+
+
+def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_path: Path, hosts: Hosts) -> None:
+    config, out = write_config(tmp_path, columns=2, lost_after_s=0.5), tmp_path / "out"
+    text = config.read_text().replace("transport:\n  {", "transport:\n  {bind: 0.0.0.0, ports: 9000-9100, ")
+    config.write_text(text.replace("[png]", "[browser, png]"))
+    run = start("run", config, "--still", "--out", out, launcher=tuple(hosts.mpirun(3, "--with-ft", "ulfm")))
+    try:
+        address = hosts.page(page_of(run))
+
+        def status() -> dict[str, Any]:
+            with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
+                found: dict[str, Any] = json.load(answer)
+                return found
+
+        def alive() -> list[bool]:
+            return [rank["alive"] for rank in status()["ranks"]]
+
+        def of_left(picture: NDArray[np.int16]) -> NDArray[np.int16]:
+            return picture[:, :64]
+
+        home = until(address, np.zeros(1), changes=False)
+        control = json.loads((out / "control.json").read_text())
+        assert re.match(r"tcp://10\.77\.0\.1:90\d\d$", control["endpoint"])
+        assert control["head"], "CURVE"
+        with connect(address, patience_s=PATIENCE_S) as wall:
+            hosts.cut("h3")
+            time.sleep(2.0)  # four times lost_after_s
+            assert alive() == [True, True, False]
+            wall.set({"sky.zenith": [0.9, 0.1, 0.1]})
+            half = until(address, home)
+            assert np.array_equal(half[:, -64:], home[:, -64:]), "no sample of it came"
+            hosts.join("h3")
+            red = until(address, half)
+            assert not np.array_equal(red[:, -64:], home[:, -64:])
+            assert np.array_equal(of_left(red), of_left(half))
+            assert all(alive())
+
+            hosts.slow("h3", SLOW_BITS_S)
+            wall.undo()
+            comes(lambda: np.array_equal(of_left(shown(address)), of_left(home)), "the other panel as before")
+            assert not np.array_equal(shown(address), home), "its samples take longer"
+            comes(lambda: np.array_equal(shown(address), home), "all of it as before")
+            hosts.speed_up("h3")
+
+        os.kill(hosts.ranks()[1], signal.SIGKILL)
+        comes(lambda: alive() == [True, False, True], "a death")
+        assert np.array_equal(shown(address), home)
+    finally:
+        run.send_signal(signal.SIGTERM)
+        said = run.communicate(timeout=20)[0]
+        print(said)
+    until_written(out / "summary.json", "terminated", PATIENCE_S)
+    assert "rank 2: is heard again" in said
+    found = summary(out)
+    assert found["lost"].keys() == {"1"}
+    assert found["silences"]["2"] > 1.5
+    assert [rank["host"] for rank in found["ranks"]] == ["h1", "h2", "h3"]
+    plan = make_plan(make_layout(load(config)))
+    alone = SingleProcess(plan, make_tracer_scene(plan.scene)).until_complete()
+    for ours, theirs in zip(panels(out), sorted(alone, key=lambda image: image.id), strict=True):
+        assert np.array_equal(ours, theirs.rgb)
+    comes(lambda: not any(map(hosts.processes, ("h2", "h3"))), "the end of all ranks")

@@ -1,0 +1,103 @@
+"""A head that is killed is replaced: page, camera and edits stay, and the renderers go on."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from running import page_of, session_of, shown, start, summary, until, until_written, write_config
+
+from wall.client import connect
+
+pytestmark = pytest.mark.clock
+PATIENCE_S = 20.0  # of a busy machine; 5 s are wanted
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path / "out"
+    for pid in session_of(json.loads((tmp_path / "leader").read_text())):
+        os.kill(pid, signal.SIGKILL)
+
+
+def control_of(out: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((out / "control.json").read_text(encoding="utf-8"))
+    return found
+
+
+def shown_again(address: str) -> NDArray[np.int16]:
+    limit = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return shown(address)
+        except (urllib.error.URLError, ConnectionError):
+            assert time.monotonic() < limit, "the page did not come back"
+            time.sleep(0.05)
+
+
+def until_shown(address: str, picture: NDArray[np.int16]) -> None:
+    limit = time.monotonic() + PATIENCE_S
+    while not np.array_equal(shown(address), picture):
+        assert time.monotonic() < limit, "that picture did not come back"
+        time.sleep(0.05)
+
+
+def test_a_wall_goes_on_when_its_head_is_killed(tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = write_config(tmp_path, encrypt="always", restarts=1)
+    text = config.read_text().replace("transport:\n  {", "transport:\n  {standby: true, ")
+    page = "output: {browser: {token: always}}\n"
+    config.write_text(text.replace("[png]", "[browser, png]") + page)
+    run = start("run", config, "--still", "--out", out)
+    (tmp_path / "leader").write_text(str(run.pid))
+    address = page_of(run)
+    until_written(out / "control.json", "page", PATIENCE_S)
+    before = control_of(out)
+    opener = urllib.request.build_opener()
+    opener.addheaders = [("Authorization", f"Bearer {before['page'].partition('=')[2]}")]
+    monkeypatch.setattr(urllib.request, "_opener", opener)
+    until(address, np.zeros(1), changes=False)
+    time.sleep(1.0)
+    first = shown(address)
+    with connect(out) as wall:
+        wall.set({"sky.zenith": [0.9, 0.1, 0.1]})
+        wall.zoom(0.1)
+        until(address, first)
+        time.sleep(1.0)  # of a busy machine: that was not all of it
+        near = shown(address)
+        stand, renderer, _ = session_of(run.pid)
+        assert stand == run.pid != before["pid"]
+
+        os.kill(before["pid"], signal.SIGKILL)
+        shown_again(address)
+        until_shown(address, near)  # the camera, and what was set
+        after = control_of(out)
+        assert after == before | {"pid": after["pid"]}
+        assert after["pid"] != before["pid"]
+        wall.reset()  # by the same key
+        until(address, near)
+
+        os.kill(renderer, signal.SIGKILL)
+        for line in run.stdout or ():
+            if "started again" in line:
+                break
+        wall.set({"sky.zenith": None})
+        until_shown(address, first)
+
+    run.send_signal(signal.SIGTERM)
+    said, _ = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 0, said
+    found = summary(out)
+    assert found["ended"] == "terminated"
+    assert found["restarts"] == {"0": ["died (signal 9)"], "1": found["restarts"]["1"]}
+    assert found["lost"] == {}
+    assert not session_of(run.pid)

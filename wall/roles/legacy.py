@@ -1,0 +1,76 @@
+"""What a manager leaves to the one that takes its place: all that nobody else in the run knows.
+
+Who is in the run, and how ranks are, ranks tell by themselves. Numbers go on far behind those that were last written
+down: ranks may have heard of newer ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from wall.config.loading import dump
+from wall.core.data import Edits
+from wall.packets.notes import note_of
+from wall.roles.director import Kept
+from wall.roles.manager import Manager
+from wall.roles.plan import HEAD, Plan
+from wall.scene.parameters import Numbers
+
+NUMBERS_AHEAD = 1 << 20  # of events and edits: more than are made while nothing is written down
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Legacy:
+    """Of a manager at one moment."""
+
+    began: float  # when the run did, seconds of the head's clock
+    camera_event: int  # the first that was not used yet
+    edits: Edits
+    picture: Mapping[str, Numbers]  # exposure and tone mapping, where edited
+    count: int  # of edits
+    assignment: int  # number of the newest one; then how many were made
+    assignments: int
+    views: Mapping[str, Kept]  # by name
+    number: int  # of the configuration; then
+    text: str  # its text, "" of the first one
+    path: str
+    died: tuple[str, ...]  # how heads have died, the first one first
+
+
+def legacy_of(manager: Manager, before: Legacy | None = None) -> Legacy:
+    """What it leaves if it ends now; `before`: what it left earlier, whose text is not made again."""
+    plan, editor, balancer = manager.newest_plan, manager.editor, manager.balancer
+    text = dump(plan.layout.loaded.config) if plan.number and (before is None or before.number != plan.number) else ""
+    return Legacy(
+        began=manager.began,
+        camera_event=manager.since,
+        edits=editor.edits,
+        picture=editor.picture,
+        count=editor.count,
+        assignment=balancer.assignment.number if balancer is not None else 0,
+        assignments=balancer.made if balancer is not None else 0,
+        views={director.name: director.kept for director in manager.directors},
+        number=plan.number,
+        text=text or (before.text if before is not None else ""),
+        path=str(plan.layout.loaded.path) if plan.number else "",
+        died=tuple(manager.register.restarts.get(HEAD, ())),
+    )
+
+
+def plan_after(plan: Plan, legacy: Legacy) -> Plan:
+    """The plan of a run whose events go on."""
+    return replace(plan, since=legacy.camera_event + NUMBERS_AHEAD)
+
+
+def inherit(manager: Manager, legacy: Legacy, how: str) -> None:
+    """Let a new manager, of `plan_after`, go on from another one; `how`: it died."""
+    manager.began = legacy.began
+    manager.editor.inherit(legacy.edits, legacy.picture, legacy.count + NUMBERS_AHEAD)
+    if manager.balancer is not None:
+        manager.balancer.count_from(legacy.assignment + NUMBERS_AHEAD, legacy.assignments)
+    for director in manager.directors:
+        if (kept := legacy.views.get(director.name)) is not None:
+            director.keep(kept)
+    manager.register.restarts[HEAD] = [*legacy.died, how]
+    manager.register.news.append(note_of(HEAD, "warning", f"{how}, and another head has taken its place"))

@@ -1,0 +1,317 @@
+"""A head that dies is replaced: it is a process that another one has forked, as it has forked all ranks.
+
+That process has the scene and the kernels of the start, no thread and no socket. It hands on what the head says, tells
+it of ranks that have ended, and forks the next head where one dies by a signal. What a head knows and nobody else, it
+keeps writing down in memory that it shares with its parent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import os
+import pickle
+import signal
+import struct
+import sys
+import time
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection, wait
+from types import FrameType
+from typing import Any, Generic, TypeVar
+
+from wall.core.errors import ConfigError, RunError, WallError
+from wall.roles.legacy import Legacy
+from wall.roles.plan import HEAD
+from wall.run.bootstrap_local import STOP_WAIT_S, LocalBootstrap, as_rank
+from wall.run.children import Children, belong_to, how_ended
+from wall.run.control_file import new_key
+from wall.run.endings import REASONS
+from wall.run.sinks import PageAt
+from wall.transport.curve import Keys
+
+MOST_HEADS, WITHIN_S = 3, 60.0  # another one takes over so often; after that its death ends the run
+MOST_BYTES = 1 << 20  # of what a head leaves
+WRITE_S = 0.1  # between two copies of it
+_PLACE = struct.Struct("<QII")  # count, bytes, checksum
+T = TypeVar("T")
+
+
+class SharedState:
+    """The newest of some bytes that one process writes, and another one reads once the first is dead.
+
+    They have two places in turn, so that one that was not written to its end leaves the one before.
+    """
+
+    def __init__(self) -> None:
+        self._memory, self._count = mmap.mmap(-1, 2 * (_PLACE.size + MOST_BYTES)), 0
+
+    def write(self, data: bytes) -> bool:
+        """Put bytes in place of those before. Returns whether there was room."""
+        if len(data) > MOST_BYTES:
+            return False
+        self._count += 1
+        start = (self._count % 2) * (_PLACE.size + MOST_BYTES)
+        body = start + _PLACE.size
+        self._memory[body : body + len(data)] = data
+        _PLACE.pack_into(self._memory, start, self._count, len(data), zlib.crc32(data, self._count))
+        return True
+
+    def read(self) -> bytes | None:
+        """The newest whole ones; None where there are none. Who reads may write from then on."""
+        found = dict[int, bytes]()
+        for start in (0, _PLACE.size + MOST_BYTES):
+            count, size, check = _PLACE.unpack_from(self._memory, start)
+            data = self._memory[start + _PLACE.size : start + _PLACE.size + min(size, MOST_BYTES)]
+            if count and zlib.crc32(data, count) == check:
+                found[count] = data
+        self._count = max(found, default=0)
+        return found.get(self._count)
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where others find a head."""
+
+    address: str  # as ranks were told
+    endpoint: str  # of the manager
+    page: PageAt | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estate:
+    """What a head leaves to the next."""
+
+    where: Where
+    legacy: Legacy
+
+
+class StandbyBootstrap:
+    """The head's side. It is rank 0, and its parent has forked the others."""
+
+    killed_soon, rank = False, HEAD
+
+    def __init__(self, size: int, pipe: Connection, keys: Keys | None, state: SharedState, key: str, how: str) -> None:
+        """`key`: of the run's requests, the same for all heads; `how`: the head before died, "" for the first."""
+        self.size, self.keys, self.key, self.how = size, keys, key, how
+        self._pipe, self._state, self._due = pipe, state, 0.0
+        self._left: Legacy | None = None
+        self._ended: dict[int, str] = {}
+        self._finished = False
+        data = state.read() if how else None
+        self.estate: Estate | None = None if data is None else pickle.loads(data)  # of the head before
+
+    def broadcast(self, text: str) -> str:
+        """What ranks are told, which they know already where this is not the first head."""
+        if self.estate is not None:
+            return self.estate.where.address
+        self._say("address", text)
+        return text
+
+    def leave(self, estate: Callable[[Legacy | None], Estate]) -> None:
+        """Write down what the next head needs, if that is due; `estate` is told what was written before."""
+        now = time.monotonic()
+        if now >= self._due and not self._finished:
+            self._due = now + WRITE_S
+            left = estate(self._left)
+            self._left = left.legacy
+            self._state.write(pickle.dumps(left))
+
+    def dead(self) -> dict[int, str]:
+        """Ranks that have ended badly: how."""
+        with contextlib.suppress(OSError, EOFError):  # nobody is there: this process ends, too
+            while not self._finished and self._pipe.poll():
+                self._take(self._pipe.recv())
+        return dict(self._ended)
+
+    def start_again(self, rank: int, text: str) -> bool:
+        """Start a rank that is dead once more; it gets `text` as a broadcast. Returns whether that can be tried."""
+        self._ended.pop(rank, None)
+        return self._say("fork", rank, text)
+
+    def finish(self, *, told: bool = True) -> None:
+        """Let all ranks end, and wait for that; at once where nobody told them to."""
+        if self._finished or not self._say("finish", told):
+            return
+        limit = time.monotonic() + 2 * STOP_WAIT_S
+        with contextlib.suppress(OSError, EOFError):
+            while not self._finished and self._pipe.poll(max(0.0, limit - time.monotonic())):
+                self._take(self._pipe.recv())
+
+    def _take(self, said: tuple[Any, ...]) -> None:
+        if said[0] == "ended":
+            self._ended[said[1]] = said[2]
+        else:
+            self._finished = True
+
+    def _say(self, *words: object) -> bool:
+        try:
+            self._pipe.send(words)
+        except OSError:
+            return False
+        return True
+
+
+class Stand(Generic[T]):
+    """The parent's side: forks heads and ranks until a head comes to an end of its own."""
+
+    def __init__(
+        self, size: int, main: Callable[[LocalBootstrap], None], head: Callable[[StandbyBootstrap], T], *,
+        encrypted: bool,
+    ) -> None:  # fmt: skip
+        """`main`: of the other ranks; `head`: what a head does, and what comes of it, which can be pickled."""
+        self._size, self._head = size, head
+        keys: Sequence[Keys | None] = Keys.of_all(size) if encrypted else [None] * size
+        self._keys, self._key = keys, new_key()
+        self._children, self._state = Children(as_rank(size, main), keys), SharedState()
+        self._writers: dict[int, Connection] = {}  # to ranks that were not told the address yet
+        self._pipe: Connection | None = None
+        self._ended: dict[int, str] = {}  # ranks, badly, and not started again since
+        self._limit: float | None = None  # for ranks to end
+        self._deaths: list[float] = []  # of heads
+        self._came: T | WallError | None = None
+        self._before: dict[signal.Signals, Any] = {}
+
+    def run(self) -> T:
+        """Run the wall. Raises what a head has raised, and RunError for one that died for good."""
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.flush()
+        self._before = {number: signal.signal(number, signal.SIG_IGN) for number in REASONS}
+        try:
+            for rank in range(1, self._size):
+                self._writers[rank] = self._children.fork(rank, list(self._writers.values()))
+            self._begin("")
+            for number in REASONS:
+                if self._before[number] is not signal.SIG_IGN:
+                    signal.signal(number, self._pass_on)
+            while self._children.processes:
+                self._turn()
+        finally:
+            self._children.kill()
+            for number, handler in self._before.items():
+                signal.signal(number, handler)
+        if isinstance(self._came, WallError):
+            raise self._came
+        assert self._came is not None
+        return self._came
+
+    def _begin(self, how: str) -> None:
+        """Fork a head; `how`: the one before died."""
+        ours, its = Pipe()
+        others = [ours, *self._writers.values(), *filter(None, [self._pipe])]
+        args = (self._size, its, self._keys[HEAD], self._state, self._key, how)
+        self._children.start(HEAD, _be_head, args, others, self._head, os.getpid(), self._before)
+        its.close()
+        if self._pipe is not None:
+            self._pipe.close()
+        self._pipe = ours
+        for rank, ended in self._ended.items():
+            self._tell("ended", rank, ended)
+
+    def _turn(self) -> None:
+        left = None if self._limit is None else max(0.0, self._limit - time.monotonic())
+        ready = wait([*filter(None, [self._pipe]), *self._children.sentinels], left)
+        died = ""
+        for rank, code in self._children.ended(ready):
+            if rank == HEAD:
+                died = how_ended(code)
+            elif code:
+                self._ended[rank] = how_ended(code)
+                self._tell("ended", rank, self._ended[rank])
+        self._hear()
+        if died and self._came is None:
+            self._replace(died)
+        if self._limit is not None:
+            self._end_ranks()
+
+    def _hear(self) -> None:
+        """Do what the head says."""
+        try:
+            while self._pipe is not None and self._pipe.poll():
+                word, *values = self._pipe.recv()
+                getattr(self, f"_{word}")(*values)
+        except (OSError, EOFError):
+            self._pipe = None  # it has ended
+
+    def _address(self, text: str) -> None:
+        for writer in self._writers.values():
+            with contextlib.suppress(OSError), writer:  # that rank has ended
+                writer.send_bytes(text.encode())
+        self._writers = {}
+
+    def _fork(self, rank: int, text: str) -> None:
+        try:
+            writer = self._children.fork(rank, list(filter(None, [self._pipe])))
+        except OSError as error:  # no memory, or no process left
+            self._ended[rank] = f"could not be started: {error}"
+            self._tell("ended", rank, self._ended[rank])
+            return
+        self._ended.pop(rank, None)
+        with contextlib.suppress(OSError), writer:
+            writer.send_bytes(text.encode())
+
+    def _finish(self, told: bool) -> None:
+        self._limit = time.monotonic() + STOP_WAIT_S * told
+
+    def _outcome(self, came: T | WallError) -> None:
+        self._came = came
+        self._limit = time.monotonic() if self._limit is None else self._limit
+
+    def _end_ranks(self) -> None:
+        """Tell the head once no rank is left; end those that stay too long."""
+        assert self._limit is not None
+        left = {rank for rank in self._children.processes if rank != HEAD}
+        if left and time.monotonic() >= self._limit:
+            for rank in left:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(self._children.processes[rank], signal.SIGKILL)
+            self._limit = time.monotonic() + STOP_WAIT_S
+        elif not left:
+            self._tell("finished")
+            self._limit = None if HEAD in self._children.processes else self._limit
+
+    def _replace(self, how: str) -> None:
+        """Fork another head, or end the run."""
+        now = time.monotonic()
+        self._deaths = [time_of for time_of in self._deaths if now - time_of < WITHIN_S]
+        may = how.startswith("signal") and self._limit is None and len(self._deaths) < MOST_HEADS
+        if may and self._state.read() is not None:
+            self._deaths.append(now)
+            self._begin(f"died ({how})")
+        else:
+            self._outcome(RunError(f"the head ended ({how}), and no other one takes its place"))
+
+    def _tell(self, *words: object) -> None:
+        if self._pipe is not None:
+            with contextlib.suppress(OSError):
+                self._pipe.send(words)
+
+    def _pass_on(self, number: int, frame: FrameType | None) -> None:
+        """A signal that is to end the run is the head's."""
+        if (pid := self._children.processes.get(HEAD)) is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, number)
+
+
+def _be_head(
+    args: tuple[Any, ...], others: list[Connection], head: Callable[[StandbyBootstrap], object], parent: int,
+    handlers: dict[signal.Signals, Any], siblings: Sequence[int],
+) -> None:  # fmt: skip
+    """A forked head: tells its parent what came of it."""
+    belong_to(parent, others, siblings)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+    bootstrap = StandbyBootstrap(*args)
+    try:
+        came = head(bootstrap)
+    except WallError as error:
+        came = (ConfigError if isinstance(error, ConfigError) else RunError)(str(error))
+    except KeyboardInterrupt:
+        came = RunError("interrupted")
+    bootstrap._say("outcome", came)
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        stream.flush()
+    os._exit(0)
