@@ -69,7 +69,7 @@ def _wait_for_compiler() -> None:
 
 _used: set[Path] = set()  # cache folders of this process
 _kernels: list[Any] = []  # of this process
-_scalar: set[Any] = set()  # of those, bit_kernels
+_scalar: set[Any] = set()  # of those, compiled without vectors of neighbours
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -93,7 +93,7 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 
 
 class _Settings(Listener):
-    """While a kernel is compiled: no vectors of neighbours (SLP) in a bit_kernel, and fewer garbage collections."""
+    """While a kernel is compiled: no vectors of neighbours (SLP) in some of them, and fewer garbage collections."""
 
     def __init__(self) -> None:
         self._before: list[tuple[int, tuple[int, int, int]]] = []
@@ -143,10 +143,12 @@ def strict_inline_kernel(function: Callable[..., Any]) -> Any:
 def inline_kernel(function: Callable[..., Any], **options: Any) -> Any:
     """A small kernel that only other kernels call: always inlined; it must not allocate either.
 
-    Without numba's runtime (`_nrt`) no references are counted: otherwise every array that is handed on costs two atomic
+    Neighbours become vectors where it is inlined, not here: a loop that has such vectors inside is not made one of whole
+    vectors. Without numba's runtime (`_nrt`) no references are counted: otherwise every array that is handed on costs two atomic
     additions a call, 5 ns each, some 250 of them for a packet of 16 rays.
     """
     compiled = _compiled(function, forceinline=True, _nrt=False, no_cpython_wrapper=True, **options)
+    _scalar.add(compiled)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         compiled._insert = lambda *_: None  # of what Python may call: without a wrapper nothing
         compiled._compile_for_args = lambda *_: _from_python(function)

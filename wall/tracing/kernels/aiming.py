@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from wall.core.jit import inline_kernel
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import start_off_surface
@@ -59,9 +61,9 @@ def draw_light_numbers(light, pair, bounce, work):
     pair : int, the light's pair of numbers at bounce 0; those of the next bounces follow
     """
     if light is not None:
-        p, bits = work.packet, work.bits
+        p, bits, number = work.packet, work.bits, np.uint32(pair + bounce)  # outside the loop, which is vectors so
         for lane in range(16):
-            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], pair + bounce)
+            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], number)
             p[rows.LIGHT_U + lane] = u
             p[rows.LIGHT_V + lane] = v
 

@@ -160,9 +160,9 @@ def draw_numbers(bounce, work):
     """Draws the random numbers of a bounce for all lanes at once."""
     p, bits = work.packet, work.bits
     for pair in range(PAIRS):
-        row = rows.CHOICE_NUMBER + 32 * pair
+        row, number = rows.CHOICE_NUMBER + 32 * pair, np.uint32(PAIRS * bounce + pair)
         for lane in range(16):
-            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], PAIRS * bounce + pair)
+            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], number)
             p[row + lane] = u
             p[row + 16 + lane] = v
 

@@ -50,7 +50,7 @@ def pascal(x):
 def random_pair(key, number, pair):
     """Two float32 in [0, 1) of a pixel's sample; pairs of dimensions are independent of each other.
 
-    key : uint32, of the pixel; number : uint32, of the sample; pair : int
+    key : uint32, of the pixel; number : uint32, of the sample; pair : int, a uint32 in loops that are to be vectors
     """
     seed = hash_uint32(key, np.uint32(pair))
     index = reverse_bits(mix_upwards(reverse_bits(np.uint32(number)), seed))
