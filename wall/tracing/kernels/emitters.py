@@ -11,9 +11,9 @@ from wall.core.jit import inline_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.light_tree import chance_of_light, choose_light
-from wall.tracing.kernels.rows import xyz
+from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.texture_filter import UVS_FLAG, finest_level, texel_at, uv_column
-from wall.tracing.kernels.values import EMISSION, FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS, ONE, ZERO
+from wall.tracing.kernels.values import EMISSION, EMITTER_COLUMNS, FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS, ONE, ZERO
 
 HALF = np.float32(0.5)
 NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
@@ -81,29 +81,97 @@ def chance_of_emitter(normals, emitters, row, k, lane, p):
 
 
 @inline_kernel
-def way_to_emitter(emitters, surfaces, materials, lane, work):
-    """A point on an emitting triangle: the way to it from a lane's hit, its emission, RGB, the direction's density, 0
-    where the point is seen from its edge, and where along the way its shadow ray ends.
+def place_emitters(emitters, surfaces, materials):
+    """Writes Emitters.placed; emitters = None, or a tree of them, does nothing."""
+    if emitters is not None:
+        place_rows(emitters.placed, emitters, surfaces, materials)
+
+
+@inline_kernel
+def place_rows(placed, emitters, surfaces, materials):
+    """Writes the rows of Emitters.placed; None does nothing."""
+    if placed is not None:
+        for row in range(placed.shape[0]):
+            copy_emitter(placed[row], 1, 0, row, emitters.chance[row], emitters, surfaces, materials)
+
+
+@inline_kernel
+def copy_emitter(to, step, lane, row, chance, emitters, surfaces, materials):
+    """Writes what LAMP_X to LAMP_CHANCE say of a triangle that was chosen with a chance.
+
+    to : (k,) float32, with the first number at `lane` and the others `step` apart
     """
-    p = work.packet
-    u, v = p[rows.POINT_U + lane], p[rows.POINT_V + lane]
-    row, chance = choose_emitter(emitters.tree, emitters, lane, p)
     instance = emitters.instance[row]
     corners = corners_of_triangle(surfaces, instance, np.uint32(row - emitters.first[instance]))
-    a, e, f, normal = spanned(surfaces, instance, corners)
-    root = math.sqrt(u)
-    s, t = root * (ONE - v), root * v
-    px, py, pz = xyz(p, rows.POSITION_X, lane)
-    dx, dy, dz = a[0] + s * e[0] + t * f[0] - px, a[1] + s * e[1] + t * f[1] - py, a[2] + s * e[2] + t * f[2] - pz
-    square = dx * dx + dy * dy + dz * dz
+    a, e, f, _ = spanned(surfaces, instance, corners)
     material = materials.rows[surfaces.meshes.mesh_table[instance, MATERIAL_ROW]]
-    facing = -HALF * (normal[0] * dx + normal[1] * dy + normal[2] * dz)  # area times cosine times distance
-    placed = determinant_of(surfaces.meshes.eye_from_object[instance])
-    facing = facing if placed > ZERO else -facing  # mirrored: corners turn
-    facing = abs(facing) if material["emits_behind"] > ZERO else facing
-    density = chance * square * math.sqrt(square) / facing if facing > ZERO else ZERO
-    emission = emission_at(materials.emission_textures, surfaces, materials, instance, corners, s, t)
-    return (dx, dy, dz), emission, density, NEARLY
+    front = ONE if determinant_of(surfaces.meshes.eye_from_object[instance]) > ZERO else -ONE  # mirrored: corners turn
+    emission = material["emission"]
+    for k in range(3):
+        to[lane + step * k] = a[k]
+        to[lane + step * (3 + k)] = e[k]
+        to[lane + step * (6 + k)] = f[k]
+        to[lane + step * (9 + k)] = emission[k]
+    to[lane + step * 12] = ZERO if material["emits_behind"] > ZERO else front
+    to[lane + step * 13] = chance
+
+
+@inline_kernel
+def choose_emitters(emitters, surfaces, materials, work):
+    """Chooses a triangle for each lane that hit something: rows LAMP_X to LAMP_CHANCE."""
+    p = work.packet
+    for lane in range(16):
+        if p[rows.HIT + lane] != ZERO:
+            row, chance = choose_emitter(emitters.tree, emitters, lane, p)
+            look_up_emitter(emitters.placed, row, chance, emitters, surfaces, materials, lane, p)
+            colour_emitter(materials.emission_textures, row, emitters, surfaces, materials, lane, p)
+
+
+@inline_kernel
+def look_up_emitter(placed, row, chance, emitters, surfaces, materials, lane, p):
+    """Writes a lane's rows LAMP_X to LAMP_CHANCE; placed : of Emitters, None: they are worked out."""
+    if placed is None:
+        copy_emitter(p, 16, rows.LAMP_X + lane, row, chance, emitters, surfaces, materials)
+    else:
+        for k in range(EMITTER_COLUMNS):
+            p[rows.LAMP_X + 16 * k + lane] = placed[row, k]
+
+
+@inline_kernel
+def colour_emitter(used, row, emitters, surfaces, materials, lane, p):
+    """Sets a lane's emission to that of the point that POINT_U and POINT_V choose; used : Materials.emission_textures,
+    None does nothing."""
+    if used is not None:
+        instance = emitters.instance[row]
+        corners = corners_of_triangle(surfaces, instance, np.uint32(row - emitters.first[instance]))
+        s, t = chosen_point(lane, p)
+        r, g, b = emission_at(used, surfaces, materials, instance, corners, s, t)
+        set_xyz(p, rows.LAMP_R, lane, r, g, b)
+
+
+@inline_kernel
+def chosen_point(lane, p):
+    """Weights of corners 1 and 2 of a triangle: a point by POINT_U and POINT_V, which are spread evenly."""
+    root, v = math.sqrt(p[rows.POINT_U + lane]), p[rows.POINT_V + lane]
+    return root * (ONE - v), root * v
+
+
+@inline_kernel
+def way_to_emitter(lane, work):
+    """A point on the emitting triangle that was chosen: the way to it from a lane's hit, its emission, RGB, the
+    direction's density, 0 where the point is seen from its edge, and where along the way its shadow ray ends.
+    """
+    p = work.packet
+    s, t = chosen_point(lane, p)
+    (ax, ay, az), (px, py, pz) = xyz(p, rows.LAMP_X, lane), xyz(p, rows.POSITION_X, lane)
+    (ex, ey, ez), (fx, fy, fz) = xyz(p, rows.LAMP_1_X, lane), xyz(p, rows.LAMP_2_X, lane)
+    dx, dy, dz = ax + s * ex + t * fx - px, ay + s * ey + t * fy - py, az + s * ez + t * fz - pz
+    square = dx * dx + dy * dy + dz * dz
+    turned = (ey * fz - ez * fy) * dx + (ez * fx - ex * fz) * dy + (ex * fy - ey * fx) * dz
+    side = p[rows.LAMP_SIDE + lane]
+    facing = HALF * (abs(turned) if side == ZERO else -side * turned)  # area times cosine times distance
+    density = p[rows.LAMP_CHANCE + lane] * square * math.sqrt(square) / facing if facing > ZERO else ZERO
+    return (dx, dy, dz), xyz(p, rows.LAMP_R, lane), density, NEARLY
 
 
 @inline_kernel

@@ -121,8 +121,9 @@ def raise_shadow_ray(rounded, lane, p):
         x, y, z = xyz(p, SHADOW_ORIGIN, lane)
         x, y, z = x + rx, y + ry, z + rz
         set_xyz(p, SHADOW_ORIGIN, lane, x, y, z)
-        if p[SHADOW_T_FAR + lane] < INF:
-            set_xyz(p, SHADOW_DIRECTION, lane, dx + (ox - x), dy + (oy - y), dz + (oz - z))
+        ends = p[SHADOW_T_FAR + lane] < INF
+        dx, dy, dz = dx + (ox - x) if ends else dx, dy + (oy - y) if ends else dy, dz + (oz - z) if ends else dz
+        set_xyz(p, SHADOW_DIRECTION, lane, dx, dy, dz)
 
 
 @inline_kernel

@@ -12,7 +12,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel
 from wall.tracing.kernels import rows
-from wall.tracing.kernels.ggx import TWO_PI, frame_of
+from wall.tracing.kernels.ggx import frame_of, on_circle
 from wall.tracing.kernels.lights import DIRECTIONAL, POINT, end_before, spot_share
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.values import INF, ONE
@@ -47,10 +47,10 @@ def way_to_sun(light, lane, work):
     2 pi (1 - cos a): by that irradiance the factor is 2 / (1 + cos a).
     """
     p, cap = work.packet, light[6]
-    low, turn = p[rows.LIGHT_U + lane] * cap, p[rows.LIGHT_V + lane] * TWO_PI
+    low, (across, along) = p[rows.LIGHT_U + lane] * cap, on_circle(p[rows.LIGHT_V + lane])
     sine = math.sqrt(low * (TWO - low))
     s, t = frame_of(light[0], light[1], light[2])
-    a, b, c = sine * math.cos(turn), sine * math.sin(turn), ONE - low
+    a, b, c = sine * across, sine * along, ONE - low
     x, y, z = a * s[0] + b * t[0], a * s[1] + b * t[1], a * s[2] + b * t[2]
     return x + c * light[0], y + c * light[1], z + c * light[2], ONE, TWO / (TWO - cap), INF
 
