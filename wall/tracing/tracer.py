@@ -28,6 +28,7 @@ from wall.tracing.kernels.values import (
     COUNTS,
     EMITTER_COLUMNS,
     EVERY_OBJECT,
+    RAY_ROWS,
     SEEN,
     UNSEEN,
     Emitters,
@@ -97,7 +98,7 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0
 def path_room(count: int, depth: int, *, normals: bool = False) -> Paths:
     """Room for so many paths of so many surfaces; `normals`: a tree chooses among surfaces that emit."""
     return Paths(
-        rays=np.zeros((12, count + embree.PACKET), np.float32),
+        rays=np.zeros(RAY_ROWS * (count + embree.PACKET), np.float32),
         sample=np.zeros(count + embree.PACKET, np.int64),
         key=np.zeros(count + embree.PACKET, np.uint32),
         radiance=np.zeros((count, 3), np.float32),

@@ -170,7 +170,7 @@ def add_emitters(emitters, scene, surfaces, materials, work):
 
 @inline_kernel
 def aim_chosen(way, table, scattering, lane, work):
-    """Aims a lane's shadow ray along a way chosen at random; its light is weighed against a path's finding it by itself.
+    """Aims a lane's shadow ray along a way chosen at random; its light is weighed against a path's finding it alone.
 
     way : as of way_to_environment or way_to_emitter
     """

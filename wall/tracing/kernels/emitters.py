@@ -13,7 +13,16 @@ from wall.tracing.kernels import rows
 from wall.tracing.kernels.light_tree import chance_of_light, choose_light
 from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.texture_filter import UVS_FLAG, finest_level, texel_at, uv_column
-from wall.tracing.kernels.values import EMISSION, EMITTER_COLUMNS, FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS, ONE, ZERO
+from wall.tracing.kernels.values import (
+    EMISSION,
+    EMITTER_COLUMNS,
+    FIRST_TRIANGLE,
+    FIRST_VERTEX,
+    MATERIAL_ROW,
+    MESH_FLAGS,
+    ONE,
+    ZERO,
+)
 
 HALF = np.float32(0.5)
 NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
@@ -60,11 +69,10 @@ def determinant_of(m):
 @inline_kernel
 def choose_emitter(tree, emitters, lane, p):
     """The row of a triangle chosen for a lane with the random number LIGHT_NUMBER, and its chance, which may be 0."""
-    pick = p[rows.LIGHT_NUMBER + lane]
     if tree is not None:
         point, normal = xyz(p, rows.POSITION_X, lane), xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
-        return choose_light(tree, pick, point, normal, p)
-    row = min(np.searchsorted(emitters.cumulated, pick, side="right"), len(emitters.chance) - 1)
+        return choose_light(tree, p[rows.LIGHT_NUMBER + lane], point, normal, p)
+    row = np.int64(p[rows.LAMP_ROW + lane])
     return row, emitters.chance[row]
 
 
@@ -120,11 +128,28 @@ def copy_emitter(to, step, lane, row, chance, emitters, surfaces, materials):
 def choose_emitters(emitters, surfaces, materials, work):
     """Chooses a triangle for each lane that hit something: rows LAMP_X to LAMP_CHANCE."""
     p = work.packet
+    find_rows(emitters.placed, emitters, work)
     for lane in range(16):
         if p[rows.HIT + lane] != ZERO:
             row, chance = choose_emitter(emitters.tree, emitters, lane, p)
             look_up_emitter(emitters.placed, row, chance, emitters, surfaces, materials, lane, p)
             colour_emitter(materials.emission_textures, row, emitters, surfaces, materials, lane, p)
+
+
+@inline_kernel
+def find_rows(placed, emitters, work):
+    """Writes LAMP_ROW for all lanes at once: how many triangles come before the random number LIGHT_NUMBER.
+
+    placed : of Emitters; None, where there are many, does nothing
+    """
+    if placed is not None:
+        p = work.packet
+        for lane in range(16):
+            p[rows.LAMP_ROW + lane] = ZERO
+        for row in range(placed.shape[0] - 1):
+            before = emitters.cumulated[row]
+            for lane in range(16):
+                p[rows.LAMP_ROW + lane] += ONE if p[rows.LIGHT_NUMBER + lane] >= before else ZERO
 
 
 @inline_kernel

@@ -47,6 +47,7 @@ from wall.tracing.kernels.values import (
     MISS,
     ONE,
     PRIMARY_RAYS,
+    RAY_ROWS,
     SECONDARY_RAYS,
     ZERO,
 )
@@ -138,32 +139,36 @@ def start_paths(camera, xy, texels, work, paths):
 
 @inline_kernel
 def write_ray(k, texels, lane, p, rays):
-    """Writes a lane's ray to column k of `rays`, see Paths. texels : Textures.texels"""
+    """Writes a lane's ray as ray k of `rays`, see Paths. texels : Textures.texels"""
+    at = RAY_ROWS * 16 * (k >> 4) + (k & 15)
     for row in range(3):
-        rays[row, k] = p[embree.ORIGIN_X + 16 * row + lane]
-        rays[3 + row, k] = p[embree.DIRECTION_X + 16 * row + lane]
-        rays[6 + row, k] = p[rows.THROUGHPUT_R + 16 * row + lane]
-    rays[9, k] = p[rows.DENSITY + lane]
+        rays[at + 16 * row] = p[embree.ORIGIN_X + 16 * row + lane]
+        rays[at + 16 * (3 + row)] = p[embree.DIRECTION_X + 16 * row + lane]
+        rays[at + 16 * (6 + row)] = p[rows.THROUGHPUT_R + 16 * row + lane]
+    rays[at + 16 * 9] = p[rows.DENSITY + lane]
     if texels is not None:
-        rays[10, k] = p[rows.CONE_WIDTH + lane]
-        rays[11, k] = p[rows.CONE_SPREAD + lane]
+        rays[at + 16 * 10] = p[rows.CONE_WIDTH + lane]
+        rays[at + 16 * 11] = p[rows.CONE_SPREAD + lane]
 
 
 @inline_kernel
 def load_rays(first, count, bounce, texels, work, paths):
     """Fills the packet with `count` rays from `first` on; those behind them are any. texels : Textures.texels"""
-    p, bits, rays = work.packet, work.bits, paths.rays
+    p, bits, rays, at = work.packet, work.bits, paths.rays, RAY_ROWS * first
     for lane in range(16):
-        k = first + lane
-        set_xyz(p, embree.ORIGIN_X, lane, rays[0, k], rays[1, k], rays[2, k])
-        set_xyz(p, embree.DIRECTION_X, lane, rays[3, k], rays[4, k], rays[5, k])
-        set_xyz(p, rows.THROUGHPUT_R, lane, rays[6, k], rays[7, k], rays[8, k])
-        p[rows.DENSITY + lane] = rays[9, k]
+        x, y, z = xyz(rays, at, lane)
+        set_xyz(p, embree.ORIGIN_X, lane, x, y, z)
+        x, y, z = xyz(rays, at + 16 * 3, lane)
+        set_xyz(p, embree.DIRECTION_X, lane, x, y, z)
+        r, g, b = xyz(rays, at + 16 * 6, lane)
+        set_xyz(p, rows.THROUGHPUT_R, lane, r, g, b)
+        p[rows.DENSITY + lane] = rays[at + 16 * 9 + lane]
         p[embree.T_FAR + lane] = INF
         set_xyz(p, rows.GAINED_R, lane, ZERO, ZERO, ZERO)
     if texels is not None:
         for lane in range(16):
-            p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane] = rays[10, first + lane], rays[11, first + lane]
+            p[rows.CONE_WIDTH + lane] = rays[at + 16 * 10 + lane]
+            p[rows.CONE_SPREAD + lane] = rays[at + 16 * 11 + lane]
     for lane in range(16):
         number = paths.number[paths.sample[first + lane]]
         bits[rows.NUMBER + lane], bits[embree.RAY_ID + lane] = number, number

@@ -36,6 +36,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     LAMP_R, LAMP_G, LAMP_B,  # emission,
     LAMP_SIDE,  # 1 or -1 by how its corners turn where only its front emits, 0 where both sides do,
     LAMP_CHANCE,  # and the probability with which it was chosen
+    LAMP_ROW,  # its number, where they are few
     KEY, NUMBER,  # uint32, of a path's pixel and of its sample there
     CHOICE_NUMBER, ROULETTE_NUMBER, DIRECTION_U, DIRECTION_V, POINT_U, POINT_V, LIGHT_NUMBER, SPARE_NUMBER,  # random
     LIGHT_U, LIGHT_V,  # random, of the light that is aimed at next; only where a scene has such lights
@@ -62,7 +63,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
     MATERIAL,  # uint32, row of Materials.rows that the newest ray hit; only where it hit something
     IMPORTANCE,  # of the slots of a light tree's node, not of lanes
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 112 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 113 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = IMPORTANCE + PACKET
 
 

@@ -57,7 +57,8 @@ def lit_by(x, y, z, lane, table, scattering, work):
     metal, rough = roughness_of(scattering.metallic_roughness_textures, material, lane, work)
     look = opaque.look_of(material, metal, rough, xyz(p, rows.ALBEDO_R, lane), out[2], scattering.interface)
     r, g, b, density = opaque.evaluate(look, out, to)
-    return share * r if lit else ZERO, share * g if lit else ZERO, share * b if lit else ZERO, share * density if lit else ZERO
+    r, g, b = share * r if lit else ZERO, share * g if lit else ZERO, share * b if lit else ZERO
+    return r, g, b, share * density if lit else ZERO
 
 
 @inline_kernel

@@ -31,6 +31,8 @@ NO_NORMAL = np.uint32(0x8080)  # code of the normal (0, 0): of the sky and of mi
 PRIMARY_RAYS, SHADOW_RAYS, SECONDARY_RAYS, BAD_SAMPLES = range(4)
 COUNTS = 4
 
+RAY_ROWS = 12  # of Paths.rays
+
 # columns of Surfaces.mesh_table, and the flags in the last of them
 FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS = range(4)
 FIRST_SPHERE = FIRST_VERTEX  # of spheres: their first row of Surfaces.point_colors
@@ -170,13 +172,13 @@ class Emitters(NamedTuple):
     chance: Float32  # (m,) probability of being chosen, sums to 1
     cumulated: Float64  # (m,) sums of chance up to and with this row
     tree: LightTree | None  # chooses in place of chance; None: there are few
-    placed: Float32 | None  # (m, EMITTER_COLUMNS) rows.LAMP_X to LAMP_CHANCE of each, written for each batch; None: there is a tree
+    placed: Float32 | None  # (m, EMITTER_COLUMNS) rows LAMP_X to LAMP_CHANCE, of the newest batch; None: tree chooses
 
 
 class Paths(NamedTuple):
     """A batch of paths, with room for n."""
 
-    rays: Float32  # (12, n + 16) origin, direction, throughput, density, cone width and spread; those that go on first
+    rays: Float32  # RAY_ROWS rows of 16 for each 16 rays: origin, direction, throughput, density, cone width, cone spread
     sample: NDArray[np.int64]  # (n + 16,) which of the batch's samples a ray belongs to
     key: NDArray[np.uint32]  # (n + 16,) of its pixel, for random numbers
     radiance: Float32  # (n, 3) of each sample
