@@ -27,7 +27,7 @@ from wall.tracing.kernels.lights import (
 )
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
-from wall.tracing.kernels.scatter import lit_by
+from wall.tracing.kernels.scatter import leave_out, lit_by
 from wall.tracing.kernels.trees import any_hits
 from wall.tracing.kernels.values import INF, ONE, SHADOW_RAYS, ZERO
 from wall.tracing.kernels.ways import SUN, way_to
@@ -89,7 +89,7 @@ def add_deltas(kind, lights, scene, table, scattering, work):
                 dx, dy, dz, scale, share, far = way_to(kind, light, lane, work)
                 r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
                 light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
-                aim(scattering.rounded, share > ZERO, dx, dy, dz, far, light_rgb, lane, work.packet)
+                aim(scattering, share > ZERO, dx, dy, dz, far, light_rgb, lane, work.packet)
             add_unshadowed(scene, work)
 
 
@@ -116,7 +116,7 @@ def add_one(kind, many, scene, table, scattering, work):
             r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
             share /= chance
             light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
-            aim(scattering.rounded, True, dx, dy, dz, far, light_rgb, lane, p)
+            aim(scattering, True, dx, dy, dz, far, light_rgb, lane, p)
         add_unshadowed(scene, work)
 
 
@@ -130,21 +130,23 @@ def add_suns(bounce, suns, scene, table, scattering, work):
 
 
 @inline_kernel
-def aim(rounded, lit, dx, dy, dz, far, light, lane, p):
+def aim(scattering, lit, dx, dy, dz, far, light, lane, p):
     """Writes a lane's shadow ray, from off its surface to the way (dx, dy, dz) from its hit, and what it would add.
 
-    rounded : Scattering.rounded; lit : bool, whether there is a way. Without branches, so that a loop is made vectors.
+    lit : bool, whether there is a way
     """
+    lit = lit & (p[rows.HIT + lane] != ZERO) & (light[0] + light[1] + light[2] > ZERO)
+    p[rows.AIMED + lane] = ONE if lit else ZERO
+    if leave_out(scattering.interface, lit):
+        return
     start_off_surface(p, SHADOW_ORIGIN, lane)
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
     offset = p[rows.RAY_OFFSET + lane] if far < INF else ZERO  # the way is from the hit, the ray starts off the surface
     set_xyz(p, SHADOW_DIRECTION, lane, dx - offset * gx, dy - offset * gy, dz - offset * gz)
     p[SHADOW_T_FAR + lane] = far
-    raise_shadow_ray(rounded, lane, p)
+    raise_shadow_ray(scattering.rounded, lane, p)
     r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
     set_xyz(p, rows.LIGHT_R, lane, r * light[0], g * light[1], b * light[2])
-    lit = lit & (p[rows.HIT + lane] != ZERO) & (light[0] + light[1] + light[2] > ZERO)
-    p[rows.AIMED + lane] = ONE if lit else ZERO
 
 
 @inline_kernel
@@ -179,7 +181,7 @@ def aim_chosen(way, table, scattering, lane, work):
     r, g, b, own = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
     weight = ONE / (density + own)  # of aiming, over its density
     light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
-    aim(scattering.rounded, density > ZERO, dx, dy, dz, far, light, lane, work.packet)
+    aim(scattering, density > ZERO, dx, dy, dz, far, light, lane, work.packet)
 
 
 @inline_kernel

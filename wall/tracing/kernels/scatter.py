@@ -53,12 +53,24 @@ def lit_by(x, y, z, lane, table, scattering, work):
     s, t, n, out = look_at(lane, work)
     to = x * s[0] + y * s[1] + z * s[2], x * t[0] + y * t[1] + z * t[2], x * n[0] + y * n[1] + z * n[2]
     side = facing(scattering.rounded, to[2], gx * x + gy * y + gz * z, lane, p)
-    lit = (share > ZERO) & (side > ZERO)
+    lit = (p[rows.HIT + lane] != ZERO) & (share > ZERO) & (side > ZERO)
+    if leave_out(scattering.interface, lit):
+        return ZERO, ZERO, ZERO, ZERO
     metal, rough = roughness_of(scattering.metallic_roughness_textures, material, lane, work)
     look = opaque.look_of(material, metal, rough, xyz(p, rows.ALBEDO_R, lane), out[2], scattering.interface)
     r, g, b, density = opaque.evaluate(look, out, to)
     r, g, b = share * r if lit else ZERO, share * g if lit else ZERO, share * b if lit else ZERO
     return r, g, b, share * density if lit else ZERO
+
+
+@inline_kernel
+def leave_out(interface, lit):
+    """Whether an unlit lane is left out: where all surfaces are diffuse none is, since branches keep LLVM from making
+    a loop over lanes one of vectors. interface : of Scattering
+    """
+    if interface is None:
+        return False
+    return not lit
 
 
 @inline_kernel

@@ -178,7 +178,7 @@ class Emitters(NamedTuple):
 class Paths(NamedTuple):
     """A batch of paths, with room for n."""
 
-    rays: Float32  # RAY_ROWS rows of 16 for each 16 rays: origin, direction, throughput, density, cone width, cone spread
+    rays: Float32  # RAY_ROWS rows of 16 for each 16 rays: origin, direction, throughput, density, cone width and spread
     sample: NDArray[np.int64]  # (n + 16,) which of the batch's samples a ray belongs to
     key: NDArray[np.uint32]  # (n + 16,) of its pixel, for random numbers
     radiance: Float32  # (n, 3) of each sample
