@@ -143,15 +143,21 @@ def strict_inline_kernel(function: Callable[..., Any]) -> Any:
 def inline_kernel(function: Callable[..., Any], **options: Any) -> Any:
     """A small kernel that only other kernels call: always inlined; it must not allocate either.
 
-    Neighbours become vectors where it is inlined, not here: LLVM makes no vectors of a loop over lanes that has some.
     Without numba's runtime (`_nrt`) no references are counted: otherwise every array that is handed on costs two atomic
     additions a call, 5 ns each, some 250 of them for a packet of 16 rays.
     """
     compiled = _compiled(function, forceinline=True, _nrt=False, no_cpython_wrapper=True, **options)
-    _scalar.add(compiled)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         compiled._insert = lambda *_: None  # of what Python may call: without a wrapper nothing
         compiled._compile_for_args = lambda *_: _from_python(function)
+    return compiled
+
+
+def lane_kernel(function: Callable[..., Any]) -> Any:
+    """An inline_kernel for loops over the 16 lanes of a packet, which become vectors: compiled without vectors of
+    neighbours, since LLVM makes no vectors of a loop that has some."""
+    compiled = inline_kernel(function)
+    _scalar.add(compiled)
     return compiled
 
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import start_off_surface
 from wall.tracing.kernels.cuts import is_cut_away, shorten_rays
@@ -37,7 +37,7 @@ ENVIRONMENT_PAIR, SUN_PAIR = 1 << 16, 2 << 16
 PAIRS_APART = 1 << 16  # from a sun's pairs to the next one's
 
 
-@inline_kernel
+@lane_kernel
 def add_aimed(bounce, lights, scene, surfaces, materials, work):
     """Adds the light of every kind of lights on a packet's hits."""
     table, scattering = materials.rows, materials.scattering
@@ -54,7 +54,7 @@ def add_aimed(bounce, lights, scene, surfaces, materials, work):
     add_emitters(lights.emitters, scene, surfaces, materials, work)
 
 
-@inline_kernel
+@lane_kernel
 def draw_light_numbers(light, pair, bounce, work):
     """Draws the random numbers of a light that not every scene has, for all lanes; None does nothing.
 
@@ -68,7 +68,7 @@ def draw_light_numbers(light, pair, bounce, work):
             p[rows.LIGHT_V + lane] = v
 
 
-@inline_kernel
+@lane_kernel
 def add_light(lane, r, g, b, p):
     """Adds radiance to what a lane's path gains."""
     p[rows.GAINED_R + lane] += r
@@ -76,7 +76,7 @@ def add_light(lane, r, g, b, p):
     p[rows.GAINED_B + lane] += b
 
 
-@inline_kernel
+@lane_kernel
 def add_deltas(kind, lights, scene, table, scattering, work):
     """Adds the light of each of `lights` (n, 6 or more), shadow rays only for lanes that face it; None does nothing.
 
@@ -93,7 +93,7 @@ def add_deltas(kind, lights, scene, table, scattering, work):
             add_unshadowed(scene, work)
 
 
-@inline_kernel
+@lane_kernel
 def add_one(kind, many, scene, table, scattering, work):
     """Adds the light of one of many lights for each lane, chosen with the random number LIGHT_U; None does nothing.
 
@@ -120,7 +120,7 @@ def add_one(kind, many, scene, table, scattering, work):
         add_unshadowed(scene, work)
 
 
-@inline_kernel
+@lane_kernel
 def add_suns(bounce, suns, scene, table, scattering, work):
     """Adds the light of one direction of each of `suns` (n, 7), chosen at random; None does nothing."""
     if suns is not None:
@@ -129,7 +129,7 @@ def add_suns(bounce, suns, scene, table, scattering, work):
             add_deltas(SUN, suns[k : k + 1], scene, table, scattering, work)
 
 
-@inline_kernel
+@lane_kernel
 def aim(scattering, lit, dx, dy, dz, far, light, lane, p):
     """Writes a lane's shadow ray, from off its surface to the way (dx, dy, dz) from its hit, and what it would add.
 
@@ -149,7 +149,7 @@ def aim(scattering, lit, dx, dy, dz, far, light, lane, p):
     set_xyz(p, rows.LIGHT_R, lane, r * light[0], g * light[1], b * light[2])
 
 
-@inline_kernel
+@lane_kernel
 def add_environment(environment, scene, table, scattering, work):
     """Adds the light from one direction of an environment, chosen at random; None does nothing."""
     if environment is not None:
@@ -159,7 +159,7 @@ def add_environment(environment, scene, table, scattering, work):
         add_unshadowed(scene, work)
 
 
-@inline_kernel
+@lane_kernel
 def add_emitters(emitters, scene, surfaces, materials, work):
     """Adds the light of one point of one emitting triangle, chosen at random; None does nothing."""
     if emitters is not None:
@@ -170,7 +170,7 @@ def add_emitters(emitters, scene, surfaces, materials, work):
         add_unshadowed(scene, work)
 
 
-@inline_kernel
+@lane_kernel
 def aim_chosen(way, table, scattering, lane, work):
     """Aims a lane's shadow ray along a way chosen at random; its light is weighed against a path's finding it alone.
 
@@ -184,7 +184,7 @@ def aim_chosen(way, table, scattering, lane, work):
     aim(scattering, density > ZERO, dx, dy, dz, far, light, lane, work.packet)
 
 
-@inline_kernel
+@lane_kernel
 def drop_cut_away(cuts, work):
     """Gives up the shadow rays to places that are cut away: no light is there. None does nothing.
 
@@ -199,7 +199,7 @@ def drop_cut_away(cuts, work):
                 p[rows.AIMED + lane] = ZERO
 
 
-@inline_kernel
+@lane_kernel
 def add_unshadowed(scene, work):
     """Traces the shadow rays that were aimed, and adds the light of those that nothing stops."""
     p, valid, aimed = work.packet, work.shadow_valid, 0

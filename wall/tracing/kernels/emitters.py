@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.light_tree import chance_of_light, choose_light
@@ -28,7 +28,7 @@ HALF = np.float32(0.5)
 NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
 
 
-@inline_kernel
+@lane_kernel
 def corner_of(surfaces, instance, vertex):
     """A vertex of an instance relative to the eye."""
     x, y, z = surfaces.vertices[vertex, 0], surfaces.vertices[vertex, 1], surfaces.vertices[vertex, 2]
@@ -40,7 +40,7 @@ def corner_of(surfaces, instance, vertex):
     )
 
 
-@inline_kernel
+@lane_kernel
 def corners_of_triangle(surfaces, instance, primitive):
     """The three vertex numbers of a triangle of an instance."""
     mesh = surfaces.meshes.mesh_table[instance]
@@ -48,7 +48,7 @@ def corners_of_triangle(surfaces, instance, primitive):
     return first + corners[0], first + corners[1], first + corners[2]
 
 
-@inline_kernel
+@lane_kernel
 def spanned(surfaces, instance, corners):
     """Corner 0 of a triangle, its edges to corners 1 and 2, and its normal, as long as twice its area."""
     a = corner_of(surfaces, instance, corners[0])
@@ -59,14 +59,14 @@ def spanned(surfaces, instance, corners):
     return a, e, f, normal
 
 
-@inline_kernel
+@lane_kernel
 def determinant_of(m):
     """Determinant of the linear part of a row major 3x4 matrix (12,): negative for mirrored instances."""
     a = m[0] * (m[5] * m[10] - m[6] * m[9])
     return a - m[1] * (m[4] * m[10] - m[6] * m[8]) + m[2] * (m[4] * m[9] - m[5] * m[8])
 
 
-@inline_kernel
+@lane_kernel
 def choose_emitter(tree, emitters, lane, p):
     """The row of a triangle chosen for a lane with the random number LIGHT_NUMBER, and its chance, which may be 0."""
     if tree is not None:
@@ -76,7 +76,7 @@ def choose_emitter(tree, emitters, lane, p):
     return row, emitters.chance[row]
 
 
-@inline_kernel
+@lane_kernel
 def chance_of_emitter(normals, emitters, row, k, lane, p):
     """The chance with which choose_emitter finds a row where ray k of a lane starts.
 
@@ -88,14 +88,14 @@ def chance_of_emitter(normals, emitters, row, k, lane, p):
     return emitters.chance[row]
 
 
-@inline_kernel
+@lane_kernel
 def place_emitters(emitters, surfaces, materials):
     """Writes Emitters.placed; emitters = None, or a tree of them, does nothing."""
     if emitters is not None:
         place_rows(emitters.placed, emitters, surfaces, materials)
 
 
-@inline_kernel
+@lane_kernel
 def place_rows(placed, emitters, surfaces, materials):
     """Writes the rows of Emitters.placed; None does nothing."""
     if placed is not None:
@@ -103,7 +103,7 @@ def place_rows(placed, emitters, surfaces, materials):
             copy_emitter(placed[row], 1, 0, row, emitters.chance[row], emitters, surfaces, materials)
 
 
-@inline_kernel
+@lane_kernel
 def copy_emitter(to, step, lane, row, chance, emitters, surfaces, materials):
     """Writes what LAMP_X to LAMP_CHANCE say of a triangle that was chosen with a chance.
 
@@ -124,7 +124,7 @@ def copy_emitter(to, step, lane, row, chance, emitters, surfaces, materials):
     to[lane + step * 13] = chance
 
 
-@inline_kernel
+@lane_kernel
 def choose_emitters(emitters, surfaces, materials, work):
     """Chooses a triangle for each lane that hit something: rows LAMP_X to LAMP_CHANCE."""
     p = work.packet
@@ -136,7 +136,7 @@ def choose_emitters(emitters, surfaces, materials, work):
             colour_emitter(materials.emission_textures, row, emitters, surfaces, materials, lane, p)
 
 
-@inline_kernel
+@lane_kernel
 def find_rows(placed, emitters, work):
     """Writes LAMP_ROW for all lanes at once: how many triangles come before the random number LIGHT_NUMBER.
 
@@ -152,7 +152,7 @@ def find_rows(placed, emitters, work):
                 p[rows.LAMP_ROW + lane] += ONE if p[rows.LIGHT_NUMBER + lane] >= before else ZERO
 
 
-@inline_kernel
+@lane_kernel
 def look_up_emitter(placed, row, chance, emitters, surfaces, materials, lane, p):
     """Writes a lane's rows LAMP_X to LAMP_CHANCE; placed : of Emitters, None: they are worked out."""
     if placed is None:
@@ -162,7 +162,7 @@ def look_up_emitter(placed, row, chance, emitters, surfaces, materials, lane, p)
             p[rows.LAMP_X + 16 * k + lane] = placed[row, k]
 
 
-@inline_kernel
+@lane_kernel
 def colour_emitter(used, row, emitters, surfaces, materials, lane, p):
     """Sets a lane's emission to that of the point that POINT_U and POINT_V choose; used : Materials.emission_textures,
     None does nothing."""
@@ -174,14 +174,14 @@ def colour_emitter(used, row, emitters, surfaces, materials, lane, p):
         set_xyz(p, rows.LAMP_R, lane, r, g, b)
 
 
-@inline_kernel
+@lane_kernel
 def chosen_point(lane, p):
     """Weights of corners 1 and 2 of a triangle: a point by POINT_U and POINT_V, which are spread evenly."""
     root, v = math.sqrt(p[rows.POINT_U + lane]), p[rows.POINT_V + lane]
     return root * (ONE - v), root * v
 
 
-@inline_kernel
+@lane_kernel
 def way_to_emitter(lane, work):
     """A point on the emitting triangle that was chosen: the way to it from a lane's hit, its emission, RGB, the
     direction's density, 0 where the point is seen from its edge, and where along the way its shadow ray ends.
@@ -199,7 +199,7 @@ def way_to_emitter(lane, work):
     return (dx, dy, dz), xyz(p, rows.LAMP_R, lane), density, NEARLY
 
 
-@inline_kernel
+@lane_kernel
 def emission_at(used, surfaces, materials, instance, corners, s, t):
     """What an instance emits at the weights s, t of a triangle's corners 1 and 2, RGB.
 
@@ -223,7 +223,7 @@ def emission_at(used, surfaces, materials, instance, corners, s, t):
     return r * tr, g * tg, b * tb
 
 
-@inline_kernel
+@lane_kernel
 def density_of_emitter(emitters, normals, surfaces, k, lane, work):
     """Density with which way_to_emitter, from the start of ray k, finds the direction of the ray, that hit an emitter.
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel, kernel
+from wall.core.jit import kernel, lane_kernel
 from wall.core.kernels.albedo import WHITE, pack_albedo
 from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
@@ -114,7 +114,7 @@ def count_samples(xy, counts, number):
         counts[i, j] += np.uint32(1)
 
 
-@inline_kernel
+@lane_kernel
 def start_paths(camera, xy, texels, work, paths):
     """Writes the primary rays of all positions; returns their number. texels : Textures.texels"""
     p, rays, cone = work.packet, paths.rays, pixel_cone(camera, texels)
@@ -137,7 +137,7 @@ def start_paths(camera, xy, texels, work, paths):
     return xy.shape[0]
 
 
-@inline_kernel
+@lane_kernel
 def write_ray(k, texels, lane, p, rays):
     """Writes a lane's ray as ray k of `rays`, see Paths. texels : Textures.texels"""
     at = RAY_ROWS * 16 * (k >> 4) + (k & 15)
@@ -151,7 +151,7 @@ def write_ray(k, texels, lane, p, rays):
         rays[at + 16 * 11] = p[rows.CONE_SPREAD + lane]
 
 
-@inline_kernel
+@lane_kernel
 def load_rays(first, count, bounce, texels, work, paths):
     """Fills the packet with `count` rays from `first` on; those behind them are any. texels : Textures.texels"""
     p, bits, rays, at = work.packet, work.bits, paths.rays, RAY_ROWS * first
@@ -180,7 +180,7 @@ def load_rays(first, count, bounce, texels, work, paths):
         work.valid[lane] = -1 if lane < count else 0
 
 
-@inline_kernel
+@lane_kernel
 def draw_numbers(bounce, work):
     """Draws the random numbers of a bounce for all lanes at once."""
     p, bits = work.packet, work.bits
@@ -192,7 +192,7 @@ def draw_numbers(bounce, work):
             p[row + 16 + lane] = v
 
 
-@inline_kernel
+@lane_kernel
 def record_first(xy, first, count, samples, work):
     """Writes what samples keep of the first surface; the albedo's sum goes where the irradiance will be."""
     p, bits = work.packet, work.bits
@@ -208,7 +208,7 @@ def record_first(xy, first, count, samples, work):
         write_normal(sample, lane, work)
 
 
-@inline_kernel
+@lane_kernel
 def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, work, paths):
     """Adds what the rays themselves see: the sky, and surfaces that emit, weighed against aiming at them."""
     p, placements = work.packet, surfaces.meshes.placements
@@ -231,7 +231,7 @@ def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, 
                 add_light(lane, r * emission[0], g * emission[1], b * emission[2], p)
 
 
-@inline_kernel
+@lane_kernel
 def weight_of_sky(environment, lane, work):
     """The share of the sky's light that counts where a ray found it; the rest counts where it is aimed at."""
     if environment is None:
@@ -241,7 +241,7 @@ def weight_of_sky(environment, lane, work):
     return density / (density + density_of_environment(environment, x, y, z)) if density > ZERO else ONE
 
 
-@inline_kernel
+@lane_kernel
 def weight_of_seen(emitters, surfaces, k, lane, work, paths):
     """The share of an emitter's light that counts where ray k found it; the rest counts where it is aimed at."""
     if emitters is None:
@@ -252,7 +252,7 @@ def weight_of_seen(emitters, surfaces, k, lane, work, paths):
     return density / (density + density_of_emitter(emitters, paths.normals, surfaces, k, lane, work))
 
 
-@inline_kernel
+@lane_kernel
 def choose_ends(bounce, rounded, work):
     """Makes the packet's rays those that go on, and says in the row GOES_ON which do: dark paths end by chance.
 
@@ -282,7 +282,7 @@ def choose_ends(bounce, rounded, work):
     raise_starts(rounded, work)
 
 
-@inline_kernel
+@lane_kernel
 def raise_starts(rounded, work):
     """Moves the starts of scattered rays to where a smooth surface would be; not those of rays that were mirrored or
     went through.
@@ -300,7 +300,7 @@ def raise_starts(rounded, work):
             p[embree.ORIGIN_Z + lane] += z if scattered else ZERO
 
 
-@inline_kernel
+@lane_kernel
 def add_gained(first, count, work, paths):
     """Adds what the packet's paths gained to their samples."""
     p, radiance = work.packet, paths.radiance
@@ -311,7 +311,7 @@ def add_gained(first, count, work, paths):
         radiance[sample, 2] += p[rows.GAINED_B + lane]
 
 
-@inline_kernel
+@lane_kernel
 def close_up(first, count, going, texels, work, paths):
     """Writes the rays that go on close together, from `going` on, which it counts up and returns.
 
@@ -327,14 +327,14 @@ def close_up(first, count, going, texels, work, paths):
     return going
 
 
-@inline_kernel
+@lane_kernel
 def keep_normal(normals, k, x, y, z):
     """Writes the normal where ray k starts; None does nothing."""
     if normals is not None:
         normals[k, 0], normals[k, 1], normals[k, 2] = x, y, z
 
 
-@inline_kernel
+@lane_kernel
 def finish_samples(count, samples, work, paths):
     """Writes radiance into the records and closes up those whose radiance is finite. Returns their number."""
     kept = 0

@@ -7,7 +7,7 @@ of shadow rays, then the rows below. Rows of x, y, z and of red, green, blue fol
 
 from __future__ import annotations
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing.embree import PACKET, RAY_FLOATS, RAY_HIT_FLOATS
 
 SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
@@ -67,13 +67,13 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
 PACKET_FLOATS = IMPORTANCE + PACKET
 
 
-@inline_kernel
+@lane_kernel
 def xyz(packet, row, lane):
     """Three float32 of a lane: those of `row` and of the two rows behind it."""
     return packet[row + lane], packet[row + 16 + lane], packet[row + 32 + lane]
 
 
-@inline_kernel
+@lane_kernel
 def set_xyz(packet, row, lane, x, y, z):
     """Write three float32 of a lane, to `row` and to the two rows behind it."""
     packet[row + lane] = x

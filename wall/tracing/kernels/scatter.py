@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
 from wall.tracing.kernels import glass, opaque, rows, thin_glass
@@ -24,7 +24,7 @@ TWO = np.float32(2.0)
 FLATTEST = np.float32(1e-3)  # smallest cosine of a ray to a shading normal; below, the geometric normal is taken
 
 
-@inline_kernel
+@lane_kernel
 def look_at(lane, work):
     """Tangents and normal of a lane's hit, and the direction back along its ray in their frame, z > 0."""
     p = work.packet
@@ -40,7 +40,7 @@ def look_at(lane, work):
     return s, t, (nx, ny, nz), out
 
 
-@inline_kernel
+@lane_kernel
 def lit_by(x, y, z, lane, table, scattering, work):
     """BSDF times cosine at a lane's hit for light from unit direction (x, y, z), RGB, and its density in scatter.
 
@@ -63,7 +63,7 @@ def lit_by(x, y, z, lane, table, scattering, work):
     return r, g, b, share * density if lit else ZERO
 
 
-@inline_kernel
+@lane_kernel
 def leave_out(interface, lit):
     """Whether an unlit lane is left out: where all surfaces are diffuse none is, since branches keep LLVM from making
     a loop over lanes one of vectors. interface : of Scattering
@@ -73,7 +73,7 @@ def leave_out(interface, lit):
     return not lit
 
 
-@inline_kernel
+@lane_kernel
 def share_of_opaque(parts, material):
     """The share of a surface that is neither glass nor a mirror; parts : Scattering.parts."""
     if parts is None:
@@ -81,7 +81,7 @@ def share_of_opaque(parts, material):
     return (ONE - material["transmission"]) * (ONE - material["mirror"])
 
 
-@inline_kernel
+@lane_kernel
 def scatter_lanes(parts, interface, placements, table, scattering, work):
     """Sends the path of each lane that hit something on: rows NEXT_X to NEXT_DENSITY.
 
@@ -100,7 +100,7 @@ def scatter_lanes(parts, interface, placements, table, scattering, work):
             p[rows.NEXT_DENSITY + lane] = density
 
 
-@inline_kernel
+@lane_kernel
 def scatter_diffuse(rounded, work):
     """As `scatter` where all surfaces are diffuse, all lanes at once; rounded : Scattering.rounded."""
     p = work.packet
@@ -116,7 +116,7 @@ def scatter_diffuse(rounded, work):
         p[rows.NEXT_DENSITY + lane] = to[2] * INV_PI
 
 
-@inline_kernel
+@lane_kernel
 def scatter(lane, placements, table, scattering, work):
     """A unit direction in which a lane's path goes on, its weight, RGB, and its density; -1 where it is mirrored.
 
@@ -154,7 +154,7 @@ def scatter(lane, placements, table, scattering, work):
     return (x, y, z), weight, density
 
 
-@inline_kernel
+@lane_kernel
 def through_glass(thin, solid, interface, rough, out, numbers, lane, placements, material, work):
     """A direction in which a path goes on from glass of a MATERIAL and its weight, RGB.
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.ggx import frame_of, on_circle
 from wall.tracing.kernels.lights import DIRECTIONAL, POINT, end_before, spot_share
@@ -21,7 +21,7 @@ TWO = np.float32(2.0)
 SUN = 3  # a kind of lights, beside lights.DIRECTIONAL, POINT and SPOT
 
 
-@inline_kernel
+@lane_kernel
 def way_to(kind, light, lane, work):
     """To a light of a kind that is known when this is compiled."""
     if kind == DIRECTIONAL:
@@ -33,13 +33,13 @@ def way_to(kind, light, lane, work):
     return way_to_spot(light, lane, work)
 
 
-@inline_kernel
+@lane_kernel
 def way_to_directional(light):
     """To a light infinitely far away."""
     return light[0], light[1], light[2], ONE, ONE, INF
 
 
-@inline_kernel
+@lane_kernel
 def way_to_sun(light, lane, work):
     """To a point of a distant disc, chosen evenly by solid angle with the random numbers LIGHT_U and LIGHT_V.
 
@@ -55,7 +55,7 @@ def way_to_sun(light, lane, work):
     return x + c * light[0], y + c * light[1], z + c * light[2], ONE, TWO / (TWO - cap), INF
 
 
-@inline_kernel
+@lane_kernel
 def way_to_point(light, lane, work):
     """To a point light; its shadow ray ends an offset before it."""
     p = work.packet
@@ -66,7 +66,7 @@ def way_to_point(light, lane, work):
     return dx, dy, dz, scale, scale * scale, end_before(p, reach, scale, lane)
 
 
-@inline_kernel
+@lane_kernel
 def way_to_spot(light, lane, work):
     """To a spot light, as to a point light; its factor is 0 outside its cone."""
     dx, dy, dz, scale, share, far = way_to_point(light, lane, work)
