@@ -69,7 +69,7 @@ def _wait_for_compiler() -> None:
 
 _used: set[Path] = set()  # cache folders of this process
 _kernels: list[Any] = []  # of this process
-_scalar: set[Any] = set()  # of those, bit_kernels
+_scalar: set[Any] = set()  # of those, compiled without vectors of neighbours
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -93,7 +93,7 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 
 
 class _Settings(Listener):
-    """While a kernel is compiled: no vectors of neighbours (SLP) in a bit_kernel, and fewer garbage collections."""
+    """While a kernel is compiled: no vectors of neighbours (SLP) in some of them, and fewer garbage collections."""
 
     def __init__(self) -> None:
         self._before: list[tuple[int, tuple[int, int, int]]] = []
@@ -150,6 +150,14 @@ def inline_kernel(function: Callable[..., Any], **options: Any) -> Any:
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         compiled._insert = lambda *_: None  # of what Python may call: without a wrapper nothing
         compiled._compile_for_args = lambda *_: _from_python(function)
+    return compiled
+
+
+def lane_kernel(function: Callable[..., Any]) -> Any:
+    """An inline_kernel for loops over the 16 lanes of a packet, which become vectors: compiled without vectors of
+    neighbours, since LLVM makes no vectors of a loop that has some."""
+    compiled = inline_kernel(function)
+    _scalar.add(compiled)
     return compiled
 
 

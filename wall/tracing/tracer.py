@@ -26,9 +26,12 @@ from wall.tracing.kernels.ambient import trace_ambient
 from wall.tracing.kernels.path import count_samples, trace_paths
 from wall.tracing.kernels.values import (
     COUNTS,
+    EMITTER_COLUMNS,
     EVERY_OBJECT,
+    RAY_ROWS,
     SEEN,
     UNSEEN,
+    Emitters,
     Lights,
     Materials,
     Occlusion,
@@ -95,9 +98,9 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0
 def path_room(count: int, depth: int, *, normals: bool = False) -> Paths:
     """Room for so many paths of so many surfaces; `normals`: a tree chooses among surfaces that emit."""
     return Paths(
-        rays=np.zeros((count, 12), np.float32),
-        sample=np.zeros(count, np.int64),
-        key=np.zeros(count, np.uint32),
+        rays=np.zeros(RAY_ROWS * (count + embree.PACKET), np.float32),
+        sample=np.zeros(count + embree.PACKET, np.int64),
+        key=np.zeros(count + embree.PACKET, np.uint32),
         radiance=np.zeros((count, 3), np.float32),
         normals=np.zeros((count, 3), np.float32) if normals else None,
         depth=depth,
@@ -137,7 +140,7 @@ class Tracer:
             many_points=None,
             many_spots=None,
             suns=None,
-            emitters=tracer_scene.emitters,
+            emitters=_emitters_of_one(tracer_scene.emitters),
             environment=tracer_scene.environment,
             sky=tracer_scene.sky,
             sky_irradiance=tracer_scene.sky_irradiance,
@@ -268,7 +271,7 @@ class Tracer:
     def _paths(self, xy: Float32, number: int | None, depth: int | None) -> Paths:
         """Room for so many paths, kept from batch to batch."""
         count = len(xy)
-        if len(self._path_room.sample) < count:
+        if len(self._path_room.radiance) < count:
             self._path_room = path_room(count, 0, normals=self._emitter_tree is not None)
         room = self._path_room
         if number is not None:
@@ -293,6 +296,13 @@ def _occlusion(wanted: AmbientOcclusion | None) -> Occlusion | None:
     if wanted is None:
         return None
     return Occlusion(distance=np.float32(wanted.distance), white=None if wanted.colors else True)
+
+
+def _emitters_of_one(emitters: Emitters | None) -> Emitters | None:
+    """Emitters with room for where they are before this tracer's eye."""
+    if emitters is None or emitters.tree is not None:
+        return emitters
+    return emitters._replace(placed=np.zeros((len(emitters.chance), EMITTER_COLUMNS), np.float32))
 
 
 def _light_rows(directions: Float64, colours: list[tuple[float, float, float]]) -> Float32:

@@ -307,6 +307,7 @@ def _materials(rows: NDArray[Any], texels: NDArray[np.uint8] | None, wanted: Nee
             thin_glass=True if wanted.thin_glass else None,
             solid_glass=True if wanted.solid_glass else None,
             interface=interface_table() if wanted.interfaces else None,
+            parts=True if wanted.mirrors or wanted.thin_glass or wanted.solid_glass else None,
             rounded=True if wanted.smooth_normals else None,
         ),
     )
@@ -334,7 +335,7 @@ def _emitters(scene: Scene, surfaces: Surfaces | None) -> Emitters:
         powers.append(areas * (emission * _mean_light(scene, mesh) @ LUMINANCE))
     power = np.concatenate(powers)
     chance = (power / power.sum()).astype(np.float32)
-    emitters = Emitters(first, np.concatenate(instances), chance, np.cumsum(chance, dtype=np.float64), None)
+    emitters = Emitters(first, np.concatenate(instances), chance, np.cumsum(chance, dtype=np.float64), None, None)
     if surfaces is None or count < LEAST_EMITTERS:
         return emitters
     return emitters._replace(tree=emitter_tree(emitters, surfaces, scene.rest))

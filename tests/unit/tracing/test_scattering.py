@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.tracing.interface import interface_table
-from wall.tracing.kernels import facet_walk, opaque, thin_glass
+from wall.tracing.kernels import facet_walk, ggx, opaque, thin_glass
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.values import MATERIAL
 
@@ -40,6 +40,12 @@ def valued(rows: Any, table: Any, out: Any, to: Any, values: Any) -> None:
     for k in range(len(to)):
         r, g, b, density = opaque.evaluate(look, (out[0], out[1], out[2]), (to[k, 0], to[k, 1], to[k, 2]))
         values[k, 0], values[k, 1], values[k, 2], values[k, 3] = r, g, b, density
+
+
+@numba.njit
+def on_circles(turns: Any, points: Any) -> None:
+    for k in range(len(turns)):
+        points[k, 0], points[k, 1] = ggx.on_circle(turns[k])
 
 
 def record(**fields: float) -> NDArray[Any]:
@@ -233,3 +239,11 @@ def test_pixels_and_pairs_do_not_go_with_each_other() -> None:
     one, other, third = pairs(7, 0, 4096, 0), pairs(8, 0, 4096, 0), pairs(7, 0, 4096, 1)
     for a, b in ((one[:, 0], one[:, 1]), (one[:, 0], other[:, 0]), (one[:, 0], third[:, 0]), (one[:, 1], third[:, 1])):
         assert abs(np.corrcoef(a, b)[0, 1]) < 0.06
+
+
+def test_points_on_a_circle_are_cosines_and_sines() -> None:
+    turns = np.linspace(0.0, 1.0, 100_001, dtype=np.float32)
+    points = np.zeros((len(turns), 2))
+    on_circles(turns, points)
+    angles = 2.0 * np.pi * turns.astype(np.float64)
+    np.testing.assert_allclose(points, np.stack([np.cos(angles), np.sin(angles)], axis=1), rtol=0.0, atol=1.5e-7)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 
 
-@inline_kernel
+@lane_kernel
 def hash_uint32(a, b):
     """A well-mixed 32-bit hash of two 32-bit numbers (xxHash32's constants and avalanche; Y. Collet)."""
     h = np.uint32(np.uint32(a) * np.uint32(2654435761) + np.uint32(374761393))

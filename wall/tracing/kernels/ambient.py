@@ -19,6 +19,7 @@ from wall.tracing.kernels.ggx import by_cosine, frame_of, in_world
 from wall.tracing.kernels.lens import keep_distances
 from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
 from wall.tracing.kernels.path import (
+    add_gained,
     finish_samples,
     load_rays,
     record_first,
@@ -44,7 +45,7 @@ def trace_ambient(scene, camera, xy, samples, surfaces, materials, lights, work,
     work.counts[PRIMARY_RAYS] += number
     for first in range(0, number, 16):
         count = min(16, number - first)
-        load_rays(first, count, 0, work, paths)
+        load_rays(first, count, 0, materials.textures.texels, work, paths)
         intersect(scene, work)
         see_sky(lights.environment, lights, work)
         if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) != 0:
@@ -57,8 +58,9 @@ def trace_ambient(scene, camera, xy, samples, surfaces, materials, lights, work,
         record_first(xy, first, count, samples, work)
         keep_distances(camera.lens, samples, first, count, work)
         draw_light_numbers(occlusion, DIRECTION_PAIR, 0, work)
-        aimed = aim_anywhere(first, count, occlusion.distance, work, paths)
-        add_unshadowed(first, aimed, scene, work, paths)
+        aim_anywhere(count, occlusion.distance, work)
+        add_unshadowed(scene, work)
+        add_gained(first, count, work, paths)
     return finish_samples(xy.shape[0], samples, work, paths)
 
 
@@ -71,20 +73,19 @@ def whiten(white, work):
 
 
 @inline_kernel
-def aim_anywhere(first, count, distance, work, paths):
+def aim_anywhere(count, distance, work):
     """Aims a shadow ray from each hit by its cosine to the shading normal, and adds what misses see of the sky.
 
     A direction below the surface is mirrored at it: bumps and smooth normals hide nothing by themselves.
-    Returns the number of rays.
     """
-    p, bits, aimed = work.packet, work.bits, 0
+    p, bits = work.packet, work.bits
     for lane in range(16):
-        work.shadow_valid[lane] = 0
+        p[rows.AIMED + lane] = ZERO
         if lane >= count:
             continue
         if p[rows.HIT + lane] == ZERO:
             r, g, b = xyz(p, rows.RADIANCE_R, lane)
-            add_light(first + lane, r, g, b, paths)
+            add_light(lane, r, g, b, p)
             continue
         normal = xyz(p, rows.SHADING_NORMAL_X, lane)
         s, t = frame_of(normal[0], normal[1], normal[2])
@@ -97,6 +98,4 @@ def aim_anywhere(first, count, distance, work, paths):
         bits[SHADOW_PACKET + embree.RAY_ID + lane] = bits[rows.NUMBER + lane]
         r, g, b = xyz(p, rows.ALBEDO_R, lane)
         set_xyz(p, rows.LIGHT_R, lane, r, g, b)
-        work.shadow_valid[lane] = -1
-        aimed += 1
-    return aimed
+        p[rows.AIMED + lane] = ONE

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
@@ -19,13 +19,13 @@ EVERY_OBJECT_MASK = np.uint32(EVERY_OBJECT)
 TWO = np.float32(2.0)
 
 
-@inline_kernel
+@lane_kernel
 def diffuse(cosine):
     """Lambert's BSDF of albedo 1 times the cosine between the shading normal and the direction to the light."""
     return cosine * INV_PI
 
 
-@inline_kernel
+@lane_kernel
 def reflect(table, work):
     """Sends the lanes on that hit mirrors; adds what all others show to their paths. Returns how many go on.
 
@@ -59,7 +59,7 @@ def reflect(table, work):
     return going
 
 
-@inline_kernel
+@lane_kernel
 def mirrored(p, lane):
     """A lane's direction mirrored at its hit: by the geometric normal where the shading normal would send it inside."""
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
@@ -72,7 +72,7 @@ def mirrored(p, lane):
     return dx - turn * nx, dy - turn * ny, dz - turn * nz
 
 
-@inline_kernel
+@lane_kernel
 def start_off_surface(p, row, lane):
     """Writes the start of a lane's secondary ray to `row`: its hit, moved off the surface by the ray offset."""
     offset = p[rows.RAY_OFFSET + lane]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.scene import cuts as scene_cuts
 from wall.tracing import embree
 from wall.tracing.kernels.rows import xyz
@@ -13,7 +13,7 @@ from wall.tracing.kernels.values import INF, MISS, ZERO
 SLACK = np.float32(scene_cuts.SLACK)
 
 
-@inline_kernel
+@lane_kernel
 def shorten_rays(cuts, first, work):
     """Sets where a packet's rays begin, and where they end if that is sooner; None does nothing.
 
@@ -40,7 +40,7 @@ def shorten_rays(cuts, first, work):
                 p[first + embree.T_FAR + lane] = min(end, max(way, ZERO)) if rise > ZERO else end
 
 
-@inline_kernel
+@lane_kernel
 def reopen_misses(cuts, work):
     """Lets the rays of an intersected packet that hit nothing go on for ever; None does nothing."""
     if cuts is not None:
@@ -50,7 +50,7 @@ def reopen_misses(cuts, work):
             p[embree.T_FAR + lane] = INF if missed else p[embree.T_FAR + lane]
 
 
-@inline_kernel
+@lane_kernel
 def way_left(cuts, lane, p):
     """How long the piece of a lane's ray is from where cuts let it begin to its hit; None: the whole ray."""
     if cuts is not None:
@@ -58,7 +58,7 @@ def way_left(cuts, lane, p):
     return p[embree.T_FAR + lane]
 
 
-@inline_kernel
+@lane_kernel
 def is_cut_away(cuts, x, y, z):
     """Whether a point relative to the eye is beyond any of (k, 4) planes."""
     beyond = False

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.scene.sky import SKY_STEPS
 from wall.tracing import embree
 from wall.tracing.kernels import rows
@@ -25,7 +25,7 @@ DIRECTIONAL, POINT, SPOT = 0, 1, 2  # kinds of lights
 MASK_BITS = 32  # of a light visibility mask
 
 
-@inline_kernel
+@lane_kernel
 def see_sky(environment, lights, work):
     """Sets radiance to the environment's where rays leave the scene; without one, to the sky's: ground to horizon to
     zenith, linear in the direction's height."""
@@ -35,7 +35,7 @@ def see_sky(environment, lights, work):
         see_gradient(lights.sky, work)
 
 
-@inline_kernel
+@lane_kernel
 def see_gradient(sky, work):
     """Sets all radiance to that of a sky (3, 3): zenith, horizon, ground."""
     p = work.packet
@@ -48,7 +48,7 @@ def see_gradient(sky, work):
         set_xyz(p, rows.RADIANCE_R, lane, hr + up * zr + down * gr, hg + up * zg + down * gg, hb + up * zb + down * gb)
 
 
-@inline_kernel
+@lane_kernel
 def add_ambient(environment, lights, work):
     """Sets hits' radiance to light from the whole sky, or environment, unoccluded: albedo * E(normal) / pi."""
     if environment is not None:
@@ -57,7 +57,7 @@ def add_ambient(environment, lights, work):
         add_gradient_light(lights.sky_irradiance, work)
 
 
-@inline_kernel
+@lane_kernel
 def add_gradient_light(table, work):
     """Sets hits' radiance to a gradient sky's light from `table` (SKY_STEPS + 1, 3), by the normal's height."""
     p = work.packet
@@ -73,7 +73,7 @@ def add_gradient_light(table, work):
             p[rows.RADIANCE_B + lane] = b * (table[i, 2] + f * (table[j, 2] - table[i, 2]))
 
 
-@inline_kernel
+@lane_kernel
 def add_emission(emits, textures, table, work):
     """Adds what hit surfaces emit; emits = None does nothing.
 
@@ -89,7 +89,7 @@ def add_emission(emits, textures, table, work):
                 p[rows.RADIANCE_B + lane] += emission[2]
 
 
-@inline_kernel
+@lane_kernel
 def add_lights(kind, lights, first, rounded, scene, work):
     """Adds `lights` (n, 6 or more), numbered from `first`; None does nothing. Returns shadow rays.
 
@@ -107,7 +107,7 @@ def add_lights(kind, lights, first, rounded, scene, work):
     return rays
 
 
-@inline_kernel
+@lane_kernel
 def raise_shadow_ray(rounded, lane, p):
     """Moves the start of a lane's shadow ray to where a smooth surface would be, and keeps where the ray ends.
 
@@ -121,11 +121,12 @@ def raise_shadow_ray(rounded, lane, p):
         x, y, z = xyz(p, SHADOW_ORIGIN, lane)
         x, y, z = x + rx, y + ry, z + rz
         set_xyz(p, SHADOW_ORIGIN, lane, x, y, z)
-        if p[SHADOW_T_FAR + lane] < INF:
-            set_xyz(p, SHADOW_DIRECTION, lane, dx + (ox - x), dy + (oy - y), dz + (oz - z))
+        ends = p[SHADOW_T_FAR + lane] < INF
+        dx, dy, dz = dx + (ox - x) if ends else dx, dy + (oy - y) if ends else dy, dz + (oz - z) if ends else dz
+        set_xyz(p, SHADOW_DIRECTION, lane, dx, dy, dz)
 
 
-@inline_kernel
+@lane_kernel
 def light_count(lights):
     """The number of lights of a kind (n, 6), 0 for None."""
     if lights is None:
@@ -133,7 +134,7 @@ def light_count(lights):
     return lights.shape[0]
 
 
-@inline_kernel
+@lane_kernel
 def aim(kind, light, rounded, work):
     """Aims shadow rays at a light of a kind that is known when this is compiled."""
     if kind == DIRECTIONAL:
@@ -144,7 +145,7 @@ def aim(kind, light, rounded, work):
         aim_spot(light, rounded, work)
 
 
-@inline_kernel
+@lane_kernel
 def aim_directional(light, rounded, work):
     """Aims shadow rays at a directional light; writes LIGHT_WEIGHT, the factor of its irradiance."""
     p = work.packet
@@ -159,7 +160,7 @@ def aim_directional(light, rounded, work):
         p[SHADOW_T_FAR + lane] = INF
 
 
-@inline_kernel
+@lane_kernel
 def aim_point(light, rounded, work):
     """Aims shadow rays at a point light (position relative to the eye); writes LIGHT_WEIGHT, the factor of its
     intensity.
@@ -186,7 +187,7 @@ def aim_point(light, rounded, work):
         p[SHADOW_T_FAR + lane] = end_before(p, reach, scale, lane)
 
 
-@inline_kernel
+@lane_kernel
 def aim_spot(light, rounded, work):
     """Aims shadow rays at a spot light; writes LIGHT_WEIGHT, as aim_point does, 0 outside its cone."""
     aim_point(light, rounded, work)
@@ -198,7 +199,7 @@ def aim_spot(light, rounded, work):
         p[rows.LIGHT_WEIGHT + lane] *= spot_share(light, lx * scale, ly * scale, lz * scale)
 
 
-@inline_kernel
+@lane_kernel
 def spot_share(light, x, y, z):
     """The share of a spot's intensity that goes to a place from which it lies in the unit direction (x, y, z)."""
     cosine = -(x * light[6] + y * light[7] + z * light[8])
@@ -206,7 +207,7 @@ def spot_share(light, x, y, z):
     return share * share
 
 
-@inline_kernel
+@lane_kernel
 def end_before(p, reach, scale, lane):
     """Where a shadow ray ends, of its way: an offset before a point light.
 
@@ -216,7 +217,7 @@ def end_before(p, reach, scale, lane):
     return max(ONE - gap * scale, ZERO)
 
 
-@inline_kernel
+@lane_kernel
 def add_light(light, number, scene, work):
     """Traces the shadow rays that were aimed, and adds the light (6,) to every lane that sees it. Returns rays traced.
 

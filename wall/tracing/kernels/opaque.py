@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing.kernels.ggx import (
     FLATTEST_ROUGHNESS,
     by_cosine,
@@ -28,7 +28,7 @@ TINY = np.float32(1e-20)
 LEAST_CHANCE = np.float32(1.0 / 16.0)  # of the interface: highlights of lights are bright, however little it reflects
 
 
-@inline_kernel
+@lane_kernel
 def interface_albedo(table, cosine, roughness):
     """A, B of A F0 + B F90, what a rough interface reflects in all: bilinear in a table (r, c, 2) over roughness and
     cosine, both 0..1."""
@@ -42,7 +42,7 @@ def interface_albedo(table, cosine, roughness):
     return a0 + fy * (a1 - a0), b0 + fy * (b1 - b0)
 
 
-@inline_kernel
+@lane_kernel
 def look_of(material, metal, rough, albedo, cosine, table):
     """How an opaque surface shares light out, seen at a cosine: (diffuse RGB, F0 RGB, F90, compensation RGB, roughness,
     probability of the interface when sampling).
@@ -82,7 +82,7 @@ def look_of(material, metal, rough, albedo, cosine, table):
     return diffuse, f0, f90, back, rough, chance if below > ZERO else ONE
 
 
-@inline_kernel
+@lane_kernel
 def evaluate(look, out, to):
     """BSDF times the cosine of the incoming direction, RGB, and the density of `sample` for it; not what is mirrored.
 
@@ -108,7 +108,7 @@ def evaluate(look, out, to):
     return r, g, b, density
 
 
-@inline_kernel
+@lane_kernel
 def sample(look, out, choice, u, v):
     """A direction, the BSDF times its cosine over its density, RGB, and the density; -1 where it is mirrored.
 

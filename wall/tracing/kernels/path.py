@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel, kernel
+from wall.core.jit import kernel, lane_kernel
 from wall.core.kernels.albedo import WHITE, pack_albedo
 from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
@@ -21,14 +21,14 @@ from wall.tracing.kernels import rows
 from wall.tracing.kernels.aiming import add_aimed, add_light
 from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK
 from wall.tracing.kernels.camera import make_rays
-from wall.tracing.kernels.emitters import density_of_emitter
+from wall.tracing.kernels.emitters import density_of_emitter, place_emitters
 from wall.tracing.kernels.environment import density_of_environment
 from wall.tracing.kernels.glass import absorb
 from wall.tracing.kernels.lens import keep_distances, open_lens
 from wall.tracing.kernels.lights import see_sky
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import set_xyz, xyz
-from wall.tracing.kernels.scatter import scatter
+from wall.tracing.kernels.scatter import scatter_lanes
 from wall.tracing.kernels.surface import (
     colour_by_vertices,
     colour_points,
@@ -47,6 +47,7 @@ from wall.tracing.kernels.values import (
     MISS,
     ONE,
     PRIMARY_RAYS,
+    RAY_ROWS,
     SECONDARY_RAYS,
     ZERO,
 )
@@ -62,13 +63,14 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
 
     paths : Paths, with room for n; its rays and radiance are written
     """
+    place_emitters(lights.emitters, surfaces, materials)
     alive = start_paths(camera, xy, materials.textures.texels, work, paths)
     work.counts[PRIMARY_RAYS] += alive
     for bounce in range(paths.depth + 1):
         going = 0
         for first in range(0, alive, 16):
             count = min(16, alive - first)
-            load_rays(first, count, bounce, work, paths)
+            load_rays(first, count, bounce, materials.textures.texels, work, paths)
             intersect(scene, work)
             see_sky(lights.environment, lights, work)
             if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) != 0:
@@ -86,9 +88,13 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
             if bounce < paths.depth:
                 placements, scattering = surfaces.meshes.placements, materials.scattering
                 draw_numbers(bounce, work)
-                add_aimed(first, count, bounce, lights, scene, surfaces, materials, work, paths)
+                add_aimed(bounce, lights, scene, surfaces, materials, work)
                 widen_footprints(materials.textures.texels, work)
-                going = send_on(first, count, bounce, going, placements, materials.rows, scattering, work, paths)
+                scatter_lanes(scattering.parts, scattering.interface, placements, materials.rows, scattering, work)
+                choose_ends(bounce, scattering.rounded, work)
+            add_gained(first, count, work, paths)
+            if bounce < paths.depth:
+                going = close_up(first, count, going, materials.textures.texels, work, paths)
         alive = going
         work.counts[SECONDARY_RAYS] += going
         if alive == 0:
@@ -108,7 +114,7 @@ def count_samples(xy, counts, number):
         counts[i, j] += np.uint32(1)
 
 
-@inline_kernel
+@lane_kernel
 def start_paths(camera, xy, texels, work, paths):
     """Writes the primary rays of all positions; returns their number. texels : Textures.texels"""
     p, rays, cone = work.packet, paths.rays, pixel_cone(camera, texels)
@@ -119,55 +125,74 @@ def start_paths(camera, xy, texels, work, paths):
             x, y = np.uint32(np.int64(camera.corner[0] + xy[k, 0])), np.uint32(np.int64(camera.corner[1] + xy[k, 1]))
             paths.sample[k] = k
             paths.key[k] = hash_uint32(hash_uint32(paths.seed, x), y)
+            paths.radiance[k, 0], paths.radiance[k, 1], paths.radiance[k, 2] = ZERO, ZERO, ZERO
         start_footprints(cone, texels, work)
         open_lens(camera.lens, first, count, paths, work)
-        for lane in range(count):
-            k = first + lane
-            for column in range(3):
-                rays[k, column] = p[embree.ORIGIN_X + 16 * column + lane]
-                rays[k, 3 + column] = p[embree.DIRECTION_X + 16 * column + lane]
-                rays[k, 6 + column] = ONE
-                paths.radiance[k, column] = ZERO
-            rays[k, 9] = -ONE
-            rays[k, 10] = ZERO
-            rays[k, 11] = p[rows.CONE_SPREAD + lane] if texels is not None else ZERO
+        for lane in range(16):
+            set_xyz(p, rows.THROUGHPUT_R, lane, ONE, ONE, ONE)
+            p[rows.DENSITY + lane] = -ONE
+            p[rows.CONE_WIDTH + lane] = ZERO
+        for lane in range(16):
+            write_ray(first + lane, texels, lane, p, rays)
     return xy.shape[0]
 
 
-@inline_kernel
-def load_rays(first, count, bounce, work, paths):
-    """Fills the packet with `count` rays from `first` on."""
-    p, bits, rays = work.packet, work.bits, paths.rays
+@lane_kernel
+def write_ray(k, texels, lane, p, rays):
+    """Writes a lane's ray as ray k of `rays`, see Paths. texels : Textures.texels"""
+    at = RAY_ROWS * 16 * (k >> 4) + (k & 15)
+    for row in range(3):
+        rays[at + 16 * row] = p[embree.ORIGIN_X + 16 * row + lane]
+        rays[at + 16 * (3 + row)] = p[embree.DIRECTION_X + 16 * row + lane]
+        rays[at + 16 * (6 + row)] = p[rows.THROUGHPUT_R + 16 * row + lane]
+    rays[at + 16 * 9] = p[rows.DENSITY + lane]
+    if texels is not None:
+        rays[at + 16 * 10] = p[rows.CONE_WIDTH + lane]
+        rays[at + 16 * 11] = p[rows.CONE_SPREAD + lane]
+
+
+@lane_kernel
+def load_rays(first, count, bounce, texels, work, paths):
+    """Fills the packet with `count` rays from `first` on; those behind them are any. texels : Textures.texels"""
+    p, bits, rays, at = work.packet, work.bits, paths.rays, RAY_ROWS * first
     for lane in range(16):
-        k = first + min(lane, count - 1)
-        set_xyz(p, embree.ORIGIN_X, lane, rays[k, 0], rays[k, 1], rays[k, 2])
-        set_xyz(p, embree.DIRECTION_X, lane, rays[k, 3], rays[k, 4], rays[k, 5])
-        set_xyz(p, rows.THROUGHPUT_R, lane, rays[k, 6], rays[k, 7], rays[k, 8])
-        p[rows.DENSITY + lane] = rays[k, 9]
-        bits[rows.KEY + lane] = paths.key[k]
-        number = paths.number[paths.sample[k]]
-        bits[rows.NUMBER + lane], bits[embree.RAY_ID + lane] = number, number
-        p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane] = rays[k, 10], rays[k, 11]
+        x, y, z = xyz(rays, at, lane)
+        set_xyz(p, embree.ORIGIN_X, lane, x, y, z)
+        x, y, z = xyz(rays, at + 16 * 3, lane)
+        set_xyz(p, embree.DIRECTION_X, lane, x, y, z)
+        r, g, b = xyz(rays, at + 16 * 6, lane)
+        set_xyz(p, rows.THROUGHPUT_R, lane, r, g, b)
+        p[rows.DENSITY + lane] = rays[at + 16 * 9 + lane]
         p[embree.T_FAR + lane] = INF
+        set_xyz(p, rows.GAINED_R, lane, ZERO, ZERO, ZERO)
+    if texels is not None:
+        for lane in range(16):
+            p[rows.CONE_WIDTH + lane] = rays[at + 16 * 10 + lane]
+            p[rows.CONE_SPREAD + lane] = rays[at + 16 * 11 + lane]
+    for lane in range(16):
+        number = paths.number[paths.sample[first + lane]]
+        bits[rows.NUMBER + lane], bits[embree.RAY_ID + lane] = number, number
+        bits[rows.KEY + lane] = paths.key[first + lane]
+    for lane in range(16):
         bits[embree.MASK + lane] = bits[rows.PRIMARY_MASK + lane] if bounce == 0 else EVERY_OBJECT_MASK
         bits[embree.GEOMETRY + lane] = MISS
         bits[embree.INSTANCE + lane] = MISS
         work.valid[lane] = -1 if lane < count else 0
 
 
-@inline_kernel
+@lane_kernel
 def draw_numbers(bounce, work):
     """Draws the random numbers of a bounce for all lanes at once."""
     p, bits = work.packet, work.bits
     for pair in range(PAIRS):
-        row = rows.CHOICE_NUMBER + 32 * pair
+        row, number = rows.CHOICE_NUMBER + 32 * pair, np.uint32(PAIRS * bounce + pair)
         for lane in range(16):
-            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], PAIRS * bounce + pair)
+            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], number)
             p[row + lane] = u
             p[row + 16 + lane] = v
 
 
-@inline_kernel
+@lane_kernel
 def record_first(xy, first, count, samples, work):
     """Writes what samples keep of the first surface; the albedo's sum goes where the irradiance will be."""
     p, bits = work.packet, work.bits
@@ -183,7 +208,7 @@ def record_first(xy, first, count, samples, work):
         write_normal(sample, lane, work)
 
 
-@inline_kernel
+@lane_kernel
 def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, work, paths):
     """Adds what the rays themselves see: the sky, and surfaces that emit, weighed against aiming at them."""
     p, placements = work.packet, surfaces.meshes.placements
@@ -192,7 +217,7 @@ def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, 
         if p[rows.HIT + lane] == ZERO:
             x, y, z = xyz(p, rows.RADIANCE_R, lane)
             weight = weight_of_sky(lights.environment, lane, work)
-            add_light(first + lane, weight * r * x, weight * g * y, weight * b * z, paths)
+            add_light(lane, weight * r * x, weight * g * y, weight * b * z, p)
             continue
         if emits is not None:
             material = material_of(materials.rows, lane, work)
@@ -203,10 +228,10 @@ def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, 
                     samples[first + lane]["albedo"] = WHITE
                 weight = weight_of_seen(lights.emitters, surfaces, first + lane, lane, work, paths)
                 r, g, b = weight * r, weight * g, weight * b
-                add_light(first + lane, r * emission[0], g * emission[1], b * emission[2], paths)
+                add_light(lane, r * emission[0], g * emission[1], b * emission[2], p)
 
 
-@inline_kernel
+@lane_kernel
 def weight_of_sky(environment, lane, work):
     """The share of the sky's light that counts where a ray found it; the rest counts where it is aimed at."""
     if environment is None:
@@ -216,7 +241,7 @@ def weight_of_sky(environment, lane, work):
     return density / (density + density_of_environment(environment, x, y, z)) if density > ZERO else ONE
 
 
-@inline_kernel
+@lane_kernel
 def weight_of_seen(emitters, surfaces, k, lane, work, paths):
     """The share of an emitter's light that counts where ray k found it; the rest counts where it is aimed at."""
     if emitters is None:
@@ -227,63 +252,89 @@ def weight_of_seen(emitters, surfaces, k, lane, work, paths):
     return density / (density + density_of_emitter(emitters, paths.normals, surfaces, k, lane, work))
 
 
-@inline_kernel
-def send_on(first, count, bounce, going, placements, table, scattering, work, paths):
-    """Scatters each lane's path and writes the ray that goes on at `going`, which it counts up and returns.
+@lane_kernel
+def choose_ends(bounce, rounded, work):
+    """Makes the packet's rays those that go on, and says in the row GOES_ON which do: dark paths end by chance.
 
-    placements : see Meshes; table : (k,) MATERIAL; scattering : Scattering
+    rounded : Scattering.rounded
     """
-    p, rays = work.packet, paths.rays
-    for lane in range(count):
-        if p[rows.HIT + lane] == ZERO:
-            continue
-        sample, key = paths.sample[first + lane], paths.key[first + lane]
-        (x, y, z), (r, g, b), density = scatter(lane, placements, table, scattering, work)
+    p, least = work.packet, ONE if bounce < ROULETTE_FROM else ZERO
+    for lane in range(16):
+        r, g, b = xyz(p, rows.NEXT_R, lane)
         tr, tg, tb = xyz(p, rows.THROUGHPUT_R, lane)
         r, g, b = r * tr, g * tg, b * tb
-        if not max(r, g, b) > ZERO:
-            continue
-        chance = ONE if bounce < ROULETTE_FROM else min(max(r, g, b), LONGEST_ROULETTE)
-        if not p[rows.ROULETTE_NUMBER + lane] < chance:
-            continue
+        brightest = max(r, g, b)
+        chance = max(least, min(brightest, LONGEST_ROULETTE))
+        goes = (p[rows.HIT + lane] != ZERO) & (brightest > ZERO) & (p[rows.ROULETTE_NUMBER + lane] < chance)
+        p[rows.GOES_ON + lane] = ONE if goes else ZERO
         share = ONE / chance
+        set_xyz(p, rows.THROUGHPUT_R, lane, share * r, share * g, share * b)
+    for lane in range(16):
+        x, y, z = xyz(p, rows.NEXT_X, lane)
+        density = p[rows.NEXT_DENSITY + lane]
         gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
         px, py, pz = xyz(p, rows.POSITION_X, lane)
         offset = p[rows.RAY_OFFSET + lane]
-        offset = offset if x * gx + y * gy + z * gz > ZERO or density > ZERO else -offset
-        ray = rays[going]
-        ray[0], ray[1], ray[2] = px + offset * gx, py + offset * gy, pz + offset * gz
-        ray[3], ray[4], ray[5] = x, y, z
-        raise_start(scattering.rounded, ray, density, lane, p)
-        ray[6], ray[7], ray[8] = share * r, share * g, share * b
-        ray[9], ray[10], ray[11] = density, p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane]
-        paths.sample[going], paths.key[going] = sample, key
-        keep_normal(paths.normals, going, gx, gy, gz)
-        going += 1
-    return going
+        offset = offset if (x * gx + y * gy + z * gz > ZERO) | (density > ZERO) else -offset
+        set_xyz(p, embree.ORIGIN_X, lane, px + offset * gx, py + offset * gy, pz + offset * gz)
+        set_xyz(p, embree.DIRECTION_X, lane, x, y, z)
+        p[rows.DENSITY + lane] = density
+    raise_starts(rounded, work)
 
 
-@inline_kernel
-def raise_start(rounded, ray, density, lane, p):
-    """Moves the start of a ray (12,) that a lane scatters to where a smooth surface would be; not that of a ray which
-    was mirrored or went through.
+@lane_kernel
+def raise_starts(rounded, work):
+    """Moves the starts of scattered rays to where a smooth surface would be; not those of rays that were mirrored or
+    went through.
 
     rounded : Scattering.rounded; None does nothing
     """
-    if rounded is not None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
-        if density > ZERO:
-            x, y, z = raise_towards(ray[3], ray[4], ray[5], lane, p)
-            ray[0], ray[1], ray[2] = ray[0] + x, ray[1] + y, ray[2] + z
+    if rounded is not None:
+        p = work.packet
+        for lane in range(16):
+            dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
+            x, y, z = raise_towards(dx, dy, dz, lane, p)
+            scattered = p[rows.DENSITY + lane] > ZERO
+            p[embree.ORIGIN_X + lane] += x if scattered else ZERO
+            p[embree.ORIGIN_Y + lane] += y if scattered else ZERO
+            p[embree.ORIGIN_Z + lane] += z if scattered else ZERO
 
 
-@inline_kernel
+@lane_kernel
+def add_gained(first, count, work, paths):
+    """Adds what the packet's paths gained to their samples."""
+    p, radiance = work.packet, paths.radiance
+    for lane in range(count):
+        sample = paths.sample[first + lane]
+        radiance[sample, 0] += p[rows.GAINED_R + lane]
+        radiance[sample, 1] += p[rows.GAINED_G + lane]
+        radiance[sample, 2] += p[rows.GAINED_B + lane]
+
+
+@lane_kernel
+def close_up(first, count, going, texels, work, paths):
+    """Writes the rays that go on close together, from `going` on, which it counts up and returns.
+
+    texels : Textures.texels
+    """
+    p = work.packet
+    for lane in range(count):  # the place of a ray that does not go on is written again: no branch is guessed wrong
+        write_ray(going, texels, lane, p, paths.rays)
+        paths.sample[going], paths.key[going] = paths.sample[first + lane], paths.key[first + lane]
+        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        keep_normal(paths.normals, going, gx, gy, gz)
+        going += 1 if p[rows.GOES_ON + lane] != ZERO else 0
+    return going
+
+
+@lane_kernel
 def keep_normal(normals, k, x, y, z):
     """Writes the normal where ray k starts; None does nothing."""
     if normals is not None:
         normals[k, 0], normals[k, 1], normals[k, 2] = x, y, z
 
 
-@inline_kernel
+@lane_kernel
 def finish_samples(count, samples, work, paths):
     """Writes radiance into the records and closes up those whose radiance is finite. Returns their number."""
     kept = 0

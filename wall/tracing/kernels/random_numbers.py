@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.core.kernels.hashing import hash_uint32
 
 UNIT = np.float32(2.0**-24)
 
 
-@inline_kernel
+@lane_kernel
 def reverse_bits(x):
     """A uint32 with its bits in reverse order."""
     x = ((x & np.uint32(0x55555555)) << np.uint32(1)) | ((x >> np.uint32(1)) & np.uint32(0x55555555))
@@ -25,7 +25,7 @@ def reverse_bits(x):
     return np.uint32((x << np.uint32(16)) | (x >> np.uint32(16)))
 
 
-@inline_kernel
+@lane_kernel
 def mix_upwards(x, seed):
     """A hash of a uint32 in which each bit depends on lower ones only: Owen scrambling of reversed bits (Burley)."""
     x = np.uint32(x + seed)
@@ -35,7 +35,7 @@ def mix_upwards(x, seed):
     return np.uint32(x ^ np.uint32(x * np.uint32(0x8D22F6E6)))
 
 
-@inline_kernel
+@lane_kernel
 def pascal(x):
     """The generator matrix of Sobol's second dimension times a uint32: bit k is the parity of bits j whose number holds
     all bits of k (Pascal's triangle modulo 2), by five butterflies."""
@@ -46,11 +46,11 @@ def pascal(x):
     return np.uint32(x ^ ((x >> np.uint32(16)) & np.uint32(0x0000FFFF)))
 
 
-@inline_kernel
+@lane_kernel
 def random_pair(key, number, pair):
     """Two float32 in [0, 1) of a pixel's sample; pairs of dimensions are independent of each other.
 
-    key : uint32, of the pixel; number : uint32, of the sample; pair : int
+    key : uint32, of the pixel; number : uint32, of the sample; pair : int, a uint32 in loops that are to be vectors
     """
     seed = hash_uint32(key, np.uint32(pair))
     index = reverse_bits(mix_upwards(reverse_bits(np.uint32(number)), seed))

@@ -7,7 +7,7 @@ of shadow rays, then the rows below. Rows of x, y, z and of red, green, blue fol
 
 from __future__ import annotations
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing.embree import PACKET, RAY_FLOATS, RAY_HIT_FLOATS
 
 SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
@@ -26,6 +26,17 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     IRRADIANCE,  # radiance over albedo of the first surface: irradiance over pi
     THROUGHPUT_R, THROUGHPUT_G, THROUGHPUT_B,  # of a path, up to its newest ray
     LIGHT_R, LIGHT_G, LIGHT_B,  # what the light at the end of the shadow ray adds to a path
+    AIMED,  # 1 where there is such a ray, else 0
+    GAINED_R, GAINED_G, GAINED_B,  # what a path's newest ray and the lights on its hit add to its sample
+    NEXT_X, NEXT_Y, NEXT_Z,  # direction in which a path goes on
+    NEXT_R, NEXT_G, NEXT_B, NEXT_DENSITY,  # its weight, and the density with which it was chosen, see scatter.py
+    GOES_ON,  # 1 where a path does, else 0
+    LAMP_X, LAMP_Y, LAMP_Z,  # the emitting triangle that is aimed at: corner 0 relative to the eye, then its edges,
+    LAMP_1_X, LAMP_1_Y, LAMP_1_Z, LAMP_2_X, LAMP_2_Y, LAMP_2_Z,
+    LAMP_R, LAMP_G, LAMP_B,  # emission,
+    LAMP_SIDE,  # 1 or -1 by how its corners turn where only its front emits, 0 where both sides do,
+    LAMP_CHANCE,  # and the probability with which it was chosen
+    LAMP_ROW,  # its number, where they are few
     KEY, NUMBER,  # uint32, of a path's pixel and of its sample there
     CHOICE_NUMBER, ROULETTE_NUMBER, DIRECTION_U, DIRECTION_V, POINT_U, POINT_V, LIGHT_NUMBER, SPARE_NUMBER,  # random
     LIGHT_U, LIGHT_V,  # random, of the light that is aimed at next; only where a scene has such lights
@@ -52,17 +63,17 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
     MATERIAL,  # uint32, row of Materials.rows that the newest ray hit; only where it hit something
     IMPORTANCE,  # of the slots of a light tree's node, not of lanes
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 86 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 113 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = IMPORTANCE + PACKET
 
 
-@inline_kernel
+@lane_kernel
 def xyz(packet, row, lane):
     """Three float32 of a lane: those of `row` and of the two rows behind it."""
     return packet[row + lane], packet[row + 16 + lane], packet[row + 32 + lane]
 
 
-@inline_kernel
+@lane_kernel
 def set_xyz(packet, row, lane, x, y, z):
     """Write three float32 of a lane, to `row` and to the two rows behind it."""
     packet[row + lane] = x

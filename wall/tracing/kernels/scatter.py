@@ -8,38 +8,39 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
 from wall.tracing.kernels import glass, opaque, rows, thin_glass
 from wall.tracing.kernels.bsdf import mirrored
-from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS, frame_of, in_world
-from wall.tracing.kernels.rows import xyz
+from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS, by_cosine, frame_of, in_world
+from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.surface import material_of, seen_from_inside
 from wall.tracing.kernels.terminator import facing
 from wall.tracing.kernels.textures import roughness_of
-from wall.tracing.kernels.values import ONE, ZERO
+from wall.tracing.kernels.values import INV_PI, ONE, ZERO
 
 TWO = np.float32(2.0)
 FLATTEST = np.float32(1e-3)  # smallest cosine of a ray to a shading normal; below, the geometric normal is taken
 
 
-@inline_kernel
+@lane_kernel
 def look_at(lane, work):
     """Tangents and normal of a lane's hit, and the direction back along its ray in their frame, z > 0."""
     p = work.packet
     dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
     nx, ny, nz = xyz(p, rows.SHADING_NORMAL_X, lane)
     cosine = -(dx * nx + dy * ny + dz * nz)
-    if cosine < FLATTEST:
-        nx, ny, nz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
-        cosine = max(-(dx * nx + dy * ny + dz * nz), FLATTEST)
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    flat = cosine < FLATTEST
+    nx, ny, nz = gx if flat else nx, gy if flat else ny, gz if flat else nz
+    cosine = max(-(dx * nx + dy * ny + dz * nz), FLATTEST) if flat else cosine
     s, t = frame_of(nx, ny, nz)
     out = -(dx * s[0] + dy * s[1] + dz * s[2]), -(dx * t[0] + dy * t[1] + dz * t[2]), cosine
     return s, t, (nx, ny, nz), out
 
 
-@inline_kernel
+@lane_kernel
 def lit_by(x, y, z, lane, table, scattering, work):
     """BSDF times cosine at a lane's hit for light from unit direction (x, y, z), RGB, and its density in scatter.
 
@@ -47,19 +48,75 @@ def lit_by(x, y, z, lane, table, scattering, work):
     """
     p = work.packet
     material = material_of(table, lane, work)
-    share = (ONE - material["transmission"]) * (ONE - material["mirror"])
+    share = share_of_opaque(scattering.parts, material)
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
     s, t, n, out = look_at(lane, work)
     to = x * s[0] + y * s[1] + z * s[2], x * t[0] + y * t[1] + z * t[2], x * n[0] + y * n[1] + z * n[2]
-    if share <= ZERO or facing(scattering.rounded, to[2], gx * x + gy * y + gz * z, lane, p) <= ZERO:
+    side = facing(scattering.rounded, to[2], gx * x + gy * y + gz * z, lane, p)
+    lit = (p[rows.HIT + lane] != ZERO) & (share > ZERO) & (side > ZERO)
+    if leave_out(scattering.interface, lit):
         return ZERO, ZERO, ZERO, ZERO
     metal, rough = roughness_of(scattering.metallic_roughness_textures, material, lane, work)
     look = opaque.look_of(material, metal, rough, xyz(p, rows.ALBEDO_R, lane), out[2], scattering.interface)
     r, g, b, density = opaque.evaluate(look, out, to)
-    return share * r, share * g, share * b, share * density
+    r, g, b = share * r if lit else ZERO, share * g if lit else ZERO, share * b if lit else ZERO
+    return r, g, b, share * density if lit else ZERO
 
 
-@inline_kernel
+@lane_kernel
+def leave_out(interface, lit):
+    """Whether an unlit lane is left out: where all surfaces are diffuse none is, since branches keep LLVM from making
+    a loop over lanes one of vectors. interface : of Scattering
+    """
+    if interface is None:
+        return False
+    return not lit
+
+
+@lane_kernel
+def share_of_opaque(parts, material):
+    """The share of a surface that is neither glass nor a mirror; parts : Scattering.parts."""
+    if parts is None:
+        return ONE
+    return (ONE - material["transmission"]) * (ONE - material["mirror"])
+
+
+@lane_kernel
+def scatter_lanes(parts, interface, placements, table, scattering, work):
+    """Sends the path of each lane that hit something on: rows NEXT_X to NEXT_DENSITY.
+
+    parts, interface : of Scattering, without which all surfaces are diffuse; placements : see Meshes
+    """
+    if parts is None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
+        if interface is None:
+            scatter_diffuse(scattering.rounded, work)
+            return
+    p = work.packet
+    for lane in range(16):
+        if p[rows.HIT + lane] != ZERO:
+            (x, y, z), (r, g, b), density = scatter(lane, placements, table, scattering, work)
+            set_xyz(p, rows.NEXT_X, lane, x, y, z)
+            set_xyz(p, rows.NEXT_R, lane, r, g, b)
+            p[rows.NEXT_DENSITY + lane] = density
+
+
+@lane_kernel
+def scatter_diffuse(rounded, work):
+    """As `scatter` where all surfaces are diffuse, all lanes at once; rounded : Scattering.rounded."""
+    p = work.packet
+    for lane in range(16):
+        s, t, n, _ = look_at(lane, work)
+        to = by_cosine(p[rows.DIRECTION_U + lane], p[rows.DIRECTION_V + lane])
+        x, y, z = in_world(to, s, t, n)
+        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        allowed = facing(rounded, to[2], x * gx + y * gy + z * gz, lane, p) > ZERO
+        r, g, b = xyz(p, rows.ALBEDO_R, lane)
+        set_xyz(p, rows.NEXT_X, lane, x, y, z)
+        set_xyz(p, rows.NEXT_R, lane, r if allowed else ZERO, g if allowed else ZERO, b if allowed else ZERO)
+        p[rows.NEXT_DENSITY + lane] = to[2] * INV_PI
+
+
+@lane_kernel
 def scatter(lane, placements, table, scattering, work):
     """A unit direction in which a lane's path goes on, its weight, RGB, and its density; -1 where it is mirrored.
 
@@ -97,7 +154,7 @@ def scatter(lane, placements, table, scattering, work):
     return (x, y, z), weight, density
 
 
-@inline_kernel
+@lane_kernel
 def through_glass(thin, solid, interface, rough, out, numbers, lane, placements, material, work):
     """A direction in which a path goes on from glass of a MATERIAL and its weight, RGB.
 

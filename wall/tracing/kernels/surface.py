@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
@@ -33,13 +33,13 @@ NORMALS_FLAG, COLORS_FLAG = np.uint32(HAS_NORMALS), np.uint32(HAS_COLORS)
 POINT_COLORS_FLAG, SEGMENTS_FLAG = np.uint32(HAS_POINT_COLORS), np.uint32(HAS_SEGMENTS)
 
 
-@inline_kernel
+@lane_kernel
 def material_of(table, lane, work):
     """The record in `table` (k,) MATERIAL of what a lane hit; only where it hit something."""
     return table[work.bits[rows.MATERIAL + lane]]
 
 
-@inline_kernel
+@lane_kernel
 def corners_of(meshes, lane, work):
     """The three vertex numbers of the triangle that a lane hit."""
     mesh = meshes.mesh_table[work.bits[embree.INSTANCE + lane]]
@@ -48,14 +48,14 @@ def corners_of(meshes, lane, work):
     return first + triangle[0], first + triangle[1], first + triangle[2]
 
 
-@inline_kernel
+@lane_kernel
 def weights_of(lane, work):
     """Barycentric weights of a lane's hit, in the order of its triangle's vertices."""
     u, v = work.packet[embree.HIT_U + lane], work.packet[embree.HIT_V + lane]
     return ONE - u - v, u, v
 
 
-@inline_kernel
+@lane_kernel
 def gather_surfaces(meshes, normals, table, work):
     """Looks up what every lane hit: normals (any length, any side), material, base colour, parts of the ray offset.
 
@@ -94,7 +94,7 @@ def gather_surfaces(meshes, normals, table, work):
     return hits
 
 
-@inline_kernel
+@lane_kernel
 def finish_surfaces(work):
     """Positions, unit normals turned towards the ray, and the offset of secondary rays, for all lanes at once.
 
@@ -130,7 +130,7 @@ def finish_surfaces(work):
         p[rows.SHADING_NORMAL_Z + lane] = nz * side if smooth else gz
 
 
-@inline_kernel
+@lane_kernel
 def colour_by_vertices(meshes, colors, work):
     """Multiplies albedo by vertex colours (v, 3) float32, where there are any; None does nothing."""
     if colors is not None:
@@ -146,7 +146,7 @@ def colour_by_vertices(meshes, colors, work):
                 p[rows.ALBEDO_B + lane] *= w * colors[i0, 2] + u * colors[i1, 2] + v * colors[i2, 2]
 
 
-@inline_kernel
+@lane_kernel
 def colour_points(meshes, point_colors, segments, work):
     """Multiplies albedo by the colours (s, 3) float32 of spheres and curves, where there are any; None does nothing.
 
@@ -174,7 +174,7 @@ def colour_points(meshes, point_colors, segments, work):
                 p[rows.ALBEDO_B + lane] *= color[2]
 
 
-@inline_kernel
+@lane_kernel
 def seen_from_inside(placements, lane, work):
     """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise, or in a sphere.
 

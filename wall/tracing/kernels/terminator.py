@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import lane_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
@@ -25,7 +25,7 @@ STEEP = np.float32(0.1)  # cosine to the geometric normal from which on rays sta
 TINY = np.float32(1e-30)
 
 
-@inline_kernel
+@lane_kernel
 def find_raises(normals, vertices, meshes, work):
     """Fills the rows RAISE_X, _Y, _Z of a packet's hits: from the triangle to the curved patch over it, world units.
 
@@ -45,7 +45,7 @@ def find_raises(normals, vertices, meshes, work):
                 set_xyz(p, rows.RAISE_X, lane, rx, ry, m[8] * x + m[9] * y + m[10] * z)
 
 
-@inline_kernel
+@lane_kernel
 def raise_in_object(normals, vertices, meshes, lane, work):
     """The way from a lane's hit to the patch, in object space: to each corner's plane, by the corner's weight.
 
@@ -75,7 +75,7 @@ def raise_in_object(normals, vertices, meshes, lane, work):
     )
 
 
-@inline_kernel
+@lane_kernel
 def facing(rounded, cosine, side, lane, p):
     """Above 0 where a lane's surface faces a direction: its normals do, or the smooth one alone where it is raised.
 
@@ -88,7 +88,7 @@ def facing(rounded, cosine, side, lane, p):
     return min(cosine, max(side, abs(x) + abs(y) + abs(z)))
 
 
-@inline_kernel
+@lane_kernel
 def raise_towards(dx, dy, dz, lane, p):
     """How a ray that leaves a lane's hit in a direction of any length is raised: RAISE, less the steeper it leaves."""
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)

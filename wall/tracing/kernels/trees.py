@@ -59,7 +59,8 @@ def closer_hits_of_moving(trees, rays, work):
 def any_hits(trees, work):
     """Sets T_FAR of the shadow packet's valid lanes to -inf where something is in the way."""
     p, valid = work.packet, work.shadow_valid
-    rays, flags = p.ctypes.data + p.itemsize * SHADOW_PACKET, begin_query(SHADOW_PACKET, work)
+    rays, flags = p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments[0]
+    work.arguments[0] = INCOHERENT  # is faster, of whatever rays
     occluded16(valid.ctypes.data, trees.at_rest, rays, work.arguments.ctypes.data)
     if trees.moving != 0:
         occluded16(valid.ctypes.data, trees.moving, rays, work.arguments.ctypes.data)

@@ -31,6 +31,8 @@ NO_NORMAL = np.uint32(0x8080)  # code of the normal (0, 0): of the sky and of mi
 PRIMARY_RAYS, SHADOW_RAYS, SECONDARY_RAYS, BAD_SAMPLES = range(4)
 COUNTS = 4
 
+RAY_ROWS = 12  # of Paths.rays
+
 # columns of Surfaces.mesh_table, and the flags in the last of them
 FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS = range(4)
 FIRST_SPHERE = FIRST_VERTEX  # of spheres: their first row of Surfaces.point_colors
@@ -39,6 +41,7 @@ HAS_NORMALS, HAS_COLORS, HAS_UVS, HAS_POINT_COLORS, HAS_SEGMENTS = 1, 2, 4, 8, 1
 # columns of Surfaces.placements behind the nine of normal_from_object
 PLACEMENT_BASE, PLACEMENT_SLOPE, PLACEMENT_STRETCH = 9, 10, 11
 PLACEMENT_COLUMNS = 12
+EMITTER_COLUMNS = 14  # of Emitters.placed
 
 # a material's textures, in the order of scene.model.TEXTURE_FIELDS, and what is beyond their edges
 BASE_COLOR, METALLIC_ROUGHNESS, EMISSION, NORMAL = range(4)
@@ -127,6 +130,7 @@ class Scattering(NamedTuple):
     thin_glass: bool | None  # None: there is none, or no path meets it
     solid_glass: bool | None  # the same
     interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
+    parts: bool | None  # None: nothing is glass or a mirror, or in part, so all surfaces are opaque
     rounded: bool | None  # None: no mesh has normals at its vertices, so no ray starts above its triangle
 
 
@@ -168,14 +172,15 @@ class Emitters(NamedTuple):
     chance: Float32  # (m,) probability of being chosen, sums to 1
     cumulated: Float64  # (m,) sums of chance up to and with this row
     tree: LightTree | None  # chooses in place of chance; None: there are few
+    placed: Float32 | None  # (m, EMITTER_COLUMNS) rows LAMP_X to LAMP_CHANCE, of the newest batch; None: tree chooses
 
 
 class Paths(NamedTuple):
     """A batch of paths, with room for n."""
 
-    rays: Float32  # (n, 12) origin, direction, throughput, density, cone width, cone spread; those that go on first
-    sample: NDArray[np.int64]  # (n,) which of the batch's samples a ray belongs to
-    key: NDArray[np.uint32]  # (n,) of its pixel, for random numbers
+    rays: Float32  # RAY_ROWS rows of 16 for each 16 rays: origin, direction, throughput, density, cone width and spread
+    sample: NDArray[np.int64]  # (n + 16,) which of the batch's samples a ray belongs to
+    key: NDArray[np.uint32]  # (n + 16,) of its pixel, for random numbers
     radiance: Float32  # (n, 3) of each sample
     normals: Float32 | None  # (n, 3) of the surfaces that rays start from, to their side; None: no tree of emitters
     depth: int  # most surfaces that scatter one path
