@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel
-from wall.tracing.embree import DIRECTION_X, INSTANCE, PACKET, intersect16, occluded16
+from wall.tracing.embree import (
+    DIRECTION_X,
+    INSTANCE,
+    PACKET,
+    RAY_FLOATS,
+    RAY_HIT_FLOATS,
+    intersect16,
+    occluded16,
+)
 from wall.tracing.kernels.rows import SHADOW_PACKET
 from wall.tracing.kernels.values import MISS
 
@@ -33,9 +41,27 @@ def begin_query(first, work):
 
 
 @inline_kernel
+def record_query(recording, shadow, valid, first, work):
+    """Writes down what Embree is about to be asked, while there is room; recording = None does nothing.
+
+    shadow : bool, see Recording; valid : (16,) int32, of the rays' packet, which begins at `first`
+    """
+    if recording is not None:
+        k = recording.count[0]
+        recording.count[0] = k + 1
+        if k < recording.packets.shape[0]:
+            recording.shadow[k], recording.flags[k] = shadow, work.arguments[0]
+            for lane in range(PACKET):
+                recording.valid[k, lane] = valid[lane]
+            for row in range(RAY_FLOATS if shadow else RAY_HIT_FLOATS):
+                recording.packets[k, row] = work.bits[first + row]
+
+
+@inline_kernel
 def closest_hits(trees, work):
     """Finds the nearest hits of the packet's valid lanes."""
     rays, flags = work.packet.ctypes.data, begin_query(0, work)
+    record_query(work.recording, False, work.valid, 0, work)
     intersect16(work.valid.ctypes.data, trees.at_rest, rays, work.arguments.ctypes.data)
     if trees.moving != 0:
         closer_hits_of_moving(trees, rays, work)
@@ -60,6 +86,7 @@ def any_hits(trees, work):
     """Sets T_FAR of the shadow packet's valid lanes to -inf where something is in the way."""
     p, valid = work.packet, work.shadow_valid
     rays, flags = p.ctypes.data + p.itemsize * SHADOW_PACKET, begin_query(SHADOW_PACKET, work)
+    record_query(work.recording, True, valid, SHADOW_PACKET, work)
     occluded16(valid.ctypes.data, trees.at_rest, rays, work.arguments.ctypes.data)
     if trees.moving != 0:
         occluded16(valid.ctypes.data, trees.moving, rays, work.arguments.ctypes.data)
