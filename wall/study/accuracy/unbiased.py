@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from wall.study.quality.methods_progressive import ProgressiveMethod
 from wall.study.quality.trial import on_one_panel
 from wall.tracing.tracer_scene import make_tracer_scene
 
-EDGE = 16  # pixels
+EDGE = 32  # pixels
 REFRESH_HZ, EACH = 60.0, 4  # refreshes a second, and samples a pixel between two
-REFERENCE = 4  # times as many samples a pixel, of another seed
+REFERENCE = 2  # times as many samples a pixel, of another seed
+WHITE = 1.0
 METHODS = {"adaptive": AdaptiveMethod, "progressive": ProgressiveMethod}
 
 
@@ -39,31 +40,42 @@ def still(scene: str) -> Plan:
 
 
 def bias(scene: str, method: str, spp: int) -> Found:
-    """How far the mean of an image is from the reference's, relative, of the channel where that is most."""
-    plan = still(scene)
-    setup = Setup(
-        plan=plan, tracer_scene=make_tracer_scene(plan.scene), rate=EACH * EDGE**2 * REFRESH_HZ, refresh_hz=REFRESH_HZ,
-        seed=1,
-    )  # fmt: skip
+    """How far the mean of an image is from the reference's, relative, of the channel where that is most.
+
+    Light counts up to a display's white: `adaptive` leaves pixels that are white whatever their other samples find.
+    """
+    setup = _setup(scene)
     wall, shown = METHODS[method](setup), np.empty(0)
     for k in range(spp // EACH):
         wall.advance((k + 1) / REFRESH_HZ)
         shown = wall.show((k + 1) / REFRESH_HZ)
-    reference = _reference(setup, REFERENCE * spp)
-    ratio = shown.mean(axis=(0, 1), dtype=np.float64) / reference.mean(axis=(0, 1))
+    reference = _reference(scene, REFERENCE * spp)
+    means = [np.minimum(image, WHITE).mean(axis=(0, 1), dtype=np.float64) for image in (shown, reference)]
+    ratio = means[0] / means[1]
     channels = ", ".join(f"{value:.5f}" for value in ratio)
     pictures = picture("shown", shown), picture("reference", reference), difference("apart", shown, reference)
     note = f"{channels} of the reference, R, G, B; {wall.rays / EDGE**2:,.0f} samples a pixel"
     return Found(figure=float(np.abs(ratio - 1.0).max()), note=note, pictures=pictures)
 
 
-def _reference(setup: Setup, spp: int) -> Float64:
+@cache
+def _setup(scene: str) -> Setup:
+    plan = still(scene)
+    return Setup(
+        plan=plan, tracer_scene=make_tracer_scene(plan.scene), rate=EACH * EDGE**2 * REFRESH_HZ, refresh_hz=REFRESH_HZ,
+        seed=1, input_step_s=1.0 / REFRESH_HZ,
+    )  # fmt: skip
+
+
+@cache
+def _reference(scene: str, spp: int) -> Float64:
     """(h, w, 3) mean of so many samples a pixel."""
+    setup = _setup(scene)
     tracer, means = setup.tracer(coherent=True), PixelMeans(setup.rect, seed=setup.seed + 1)
     tracer.seed = setup.seed + 1
     tracer.set_event(first_event(setup.plan, 0.0))
     for k in range(spp):
-        means.add(tracer.trace(means.positions(k), footprint_of(k), k)[0])
+        means.add(tracer.trace(means.positions(k), footprint_of(k + 1), k)[0])
     return np.asarray(means.mean(), np.float64)
 
 

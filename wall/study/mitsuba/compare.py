@@ -75,6 +75,7 @@ def compare(config: Path, *, spp: int, out: Path, say: Callable[[str], None], ow
     mean, other = a.mean(axis=0), b.mean(axis=0)
     ratio = (mean.mean(axis=(0, 1)) + BLACK) / (other.mean(axis=(0, 1)) + BLACK)
     passed = passing(a, b)
+    out.mkdir(parents=True, exist_ok=True)
     _picture(mean, other).save(out / f"{config.stem}.png")
     ok = passed >= FEWEST_PASSES and bool((np.abs(ratio - 1.0) <= MEAN_BOUND).all())
     return Row(

@@ -14,9 +14,11 @@ from typing import Any
 @cache
 def register(mi: Any) -> None:
     """Makes the plugins known to Mitsuba; mi : the module, its variant chosen, one of Dr.Jit's."""
-    import drjit as dr
+    import drjit
 
-    class Far(mi.Emitter):  # type: ignore[misc, name-defined]
+    dr: Any = drjit
+
+    class Far(mi.Emitter):  # type: ignore[misc]
         """What spots and suns share: no ray meets them."""
 
         def __init__(self, props: Any) -> None:
@@ -72,7 +74,7 @@ def register(mi: Any) -> None:
             return "wall_spot"
 
     class Sun(Far):
-        """direction : towards it; irradiance : of a surface that faces it; angle : half its diameter; reach : how far."""
+        """direction : towards it; irradiance : of what faces it; angle : half its diameter; reach : how far."""
 
         def __init__(self, props: Any) -> None:
             Far.__init__(self, props)
@@ -89,7 +91,7 @@ def register(mi: Any) -> None:
             """Its name."""
             return "wall_sun"
 
-    class Lamp(mi.Emitter):  # type: ignore[misc, name-defined]
+    class Lamp(mi.Emitter):  # type: ignore[misc]
         """radiance : texture."""
 
         def __init__(self, props: Any) -> None:

@@ -29,7 +29,7 @@ MOST_FACETS = 64  # of a walk
 
 @cache
 def interface_albedos() -> Float64:
-    """(ROUGHNESSES, COSINES, 2) A and B over roughness and cosine, both 0 to 1: of even light A F0 + B is reflected.
+    """(ROUGHNESSES, COSINES, 2) A, B over roughness and cosine, both 0 to 1: A F0 + B F90 of even light is reflected.
 
     Gauss-Legendre over the projected disc of visible facets' stretched hemisphere (E. Heitz, JCGT 2018), halves apart.
     """
@@ -67,7 +67,9 @@ def _slope_loss(cosine: Float64, alpha: float) -> Float64:
 @cache
 def register(mi: Any) -> None:
     """Makes the plugins known to Mitsuba; mi : the module, its variant chosen, one of Dr.Jit's."""
-    import drjit as dr
+    import drjit
+
+    dr: Any = drjit
 
     table = interface_albedos().astype(np.float32)
     columns = [mi.Float(np.ascontiguousarray(table[..., k]).ravel()) for k in range(2)]
@@ -95,12 +97,13 @@ def register(mi: Any) -> None:
         """Schlick's share of the reflectance at grazing angles."""
         return dr.power(dr.clip(1.0 - cosine, 0.0, 1.0), 5)
 
-    class Opaque(mi.BSDF):  # type: ignore[misc, name-defined]
+    class Opaque(mi.BSDF):  # type: ignore[misc]
         """base_color, roughness, metallic : textures; specular, ior : numbers; lit from its front."""
 
         def __init__(self, props: Any) -> None:
             mi.BSDF.__init__(self, props)
-            self.base, self.rough, self.metal = (props.get_texture(name) for name in ("base_color", "roughness", "metallic"))
+            names = "base_color", "roughness", "metallic"
+            self.base, self.rough, self.metal = (props.get_texture(name) for name in names)
             self.specular, edge = props["specular"], (props["ior"] - 1.0) / (props["ior"] + 1.0)
             self.plain = self.specular * edge * edge
             lobes = mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection, mi.BSDFFlags.DeltaReflection
@@ -173,7 +176,7 @@ def register(mi: Any) -> None:
             """Its name."""
             return "wall_opaque"
 
-    class Sheet(mi.BSDF):  # type: ignore[misc, name-defined]
+    class Sheet(mi.BSDF):  # type: ignore[misc]
         """color : texture, of what passes; roughness, ior : numbers. Only drawn, as a mirror is."""
 
         def __init__(self, props: Any) -> None:
@@ -245,7 +248,7 @@ def register(mi: Any) -> None:
         met = 2.0 * lower / dr.power(dr.maximum(1.0 - number, 1e-7), 1.0 / loss) - 1.0
         return dr.select(leaves, dr.inf, dr.clip(met, -1.0, 1.0))
 
-    class Walk(mi.BSDF):  # type: ignore[misc, name-defined]
+    class Walk(mi.BSDF):  # type: ignore[misc]
         """color : texture, of what goes either way; roughness, ior : numbers. Only drawn, as a mirror is."""
 
         def __init__(self, props: Any) -> None:
@@ -269,7 +272,7 @@ def register(mi: Any) -> None:
 
         def sample(self, ctx: Any, si: Any, choice: Any, numbers: Any, active: Any = True) -> tuple[Any, Any]:
             """From facet to facet until the light leaves; seen from the side of the index `here` heights are turned."""
-            seeds = [dr.reinterpret_array(mi.UInt32, number) for number in (choice, numbers.x, numbers.y)]
+            seeds: list[Any] = [dr.reinterpret_array(mi.UInt32, number) for number in (choice, numbers.x, numbers.y)]
             random = mi.PCG32(1, seeds[0] ^ 0x9E3779B9, mi.UInt64(seeds[1]) << 8 | mi.UInt64(seeds[2] >> 8))
             start, alpha = dr.mulsign(mi.Float(1.0), si.wi.z), mi.Float(self.alpha)
             # `way` is turned so that facets lie below it; `behind`: that is in the other medium
@@ -309,7 +312,7 @@ def register(mi: Any) -> None:
             """Its name."""
             return "wall_walk"
 
-    class Cutoff(mi.Texture):  # type: ignore[misc, name-defined]
+    class Cutoff(mi.Texture):  # type: ignore[misc]
         """values : texture; 1 where it is at least `least`."""
 
         def __init__(self, props: Any) -> None:

@@ -47,8 +47,8 @@ def record_query(recording, shadow, valid, first, work):
     shadow : bool, see Recording; valid : (16,) int32, of the rays' packet, which begins at `first`
     """
     if recording is not None:
-        k = recording.count[0]
-        recording.count[0] = k + 1
+        k = recording.asked[0]
+        recording.asked[0] = k + 1
         if k < recording.packets.shape[0]:
             recording.shadow[k], recording.flags[k] = shadow, work.arguments[0]
             for lane in range(PACKET):

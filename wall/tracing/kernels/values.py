@@ -223,7 +223,7 @@ class Recording(NamedTuple):
     valid: NDArray[np.int32]  # (n, 16) -1 or 0, likewise aligned
     shadow: NDArray[np.bool_]  # (n,) asked for anything in the way, not for the nearest hit
     flags: NDArray[np.uint32]  # (n,) of the query
-    count: NDArray[np.int64]  # (1,) of packets, also beyond the room
+    asked: NDArray[np.int64]  # (1,) queries so far, also beyond the room
 
 
 class Workspace(NamedTuple):
