@@ -338,7 +338,7 @@ def accuracy(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/accuracy"),
 ) -> None:
-    """Run every hard case, and hold its figure against its bound. Takes about two minutes.
+    """Run every hard case, and hold its figure against its bound. Takes about four minutes.
 
     [bold]wall measure accuracy --out OUT/accuracy[/]
     """

@@ -103,8 +103,8 @@ views: [{camera: {position: [0, 0.2, 5], target: [0, 0.2, 0], fov: 32}}]
 def test_a_textured_model_agrees(tmp_path: Path) -> None:
     """Coloured, bumpy and coated walls, a lamp with a picture, panes with holes, blended and cut out.
 
-    Each texture has another size, odd ones too. Beyond their edges bumps repeat, paint is mirrored, holes end; not the lamp's picture, as Mitsuba aims at what lies
-    between 0 and 1 alone. Colours are sRGB.
+    Each texture has another size, odd ones too. Beyond their edges bumps repeat, paint is mirrored, holes end; not the
+    lamp's picture, as Mitsuba aims at what lies between 0 and 1 alone. Colours are sRGB.
     """
     chance = np.random.default_rng(2)
     Image.fromarray(chance.integers(0, 256, (6, 5, 3)).astype(np.uint8)).save(tmp_path / "paint.png")

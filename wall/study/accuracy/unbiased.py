@@ -85,7 +85,7 @@ CASES = tuple(
         reason="an image at rest converges to what paths find: no viewer sees 0.2 %, and the filter closes by itself",
         scene=f"`configs/measure/{scene}.yaml` where nothing moves, {EDGE}x{EDGE} pixels, by `{method}`, against "
         f"{REFERENCE} times as many samples of another seed",
-        measure=partial(bias, scene, method), size=1024, small=None, long=4096,
+        measure=partial(bias, scene, method), size=4096, small=None,
     )
     for scene in ("bounce", "metal", "lamps")
     for method in METHODS

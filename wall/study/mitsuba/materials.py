@@ -36,7 +36,7 @@ def interface_albedos() -> Float64:
     points, weights = np.polynomial.legendre.leggauss(POINTS)
     radius, turn = 0.5 + 0.5 * points, np.pi * (0.5 + 0.5 * points)  # the other half turn is its mirror image
     weight = np.outer(weights * radius, weights).ravel() / (weights @ radius * weights.sum())
-    u, v = np.outer(radius, np.cos(turn)).ravel(), np.outer(radius, np.sin(turn)).ravel()  # u lies in the plane of sight
+    u, v = np.outer(radius, np.cos(turn)).ravel(), np.outer(radius, np.sin(turn)).ravel()  # u: in the plane of sight
     found = np.empty((ROUGHNESSES, COSINES, 2))
     cosine = np.maximum(np.linspace(0.0, 1.0, COSINES), SMALLEST_COSINE)[:, None]
     sine = np.sqrt(1.0 - cosine**2)
