@@ -156,9 +156,9 @@ def _opaque(
         }  # fmt: skip
         return {**kind, "diffuse_reflectance": color, "int_ior": material.ior, "ext_ior": 1.0}
     edge = ((material.ior - 1.0) / (material.ior + 1.0)) ** 2
+    specular = 0.5 if material.metallic == 1.0 else min(1.0, material.specular * edge / 0.08)  # of metal: any but 0
     return {
-        "type": "principled", "base_color": color, "roughness": roughness, "metallic": metallic,
-        "specular": min(1.0, material.specular * edge / 0.08),
+        "type": "principled", "base_color": color, "roughness": roughness, "metallic": metallic, "specular": specular
     }  # fmt: skip
 
 
