@@ -68,13 +68,17 @@ BOTH = "{object: lamp, type: emission, radiance: [20, 16, 8]}"
 def test_rough_and_coated_surfaces_agree_by_their_formulas(
     tmp_path: Path, materials: tuple[str, ...], own: bool, same: bool
 ) -> None:
-    """Mitsuba's own models too where facets hardly throw light at each other: they differ by design else."""
+    """Mitsuba's own models too where facets hardly throw light at each other: they differ by design else.
+
+    1 % is three standard errors of both means.
+    """
     room = tmp_path / "room.yaml"
     room.write_text(
         ROOM.format(integrator="{method: path, depth: 4}", materials=", ".join(materials)), encoding="utf-8"
     )
     row = compare(room, spp=4096, out=tmp_path, say=lambda _: None, own=own)
-    assert row.ok is same, row
+    assert bool(np.abs(np.array(row.ratio) - 1.0).max() < 0.01) is same, row
+    assert row.passed > FEWEST_PASSES or not same, row
 
 
 def test_what_interfaces_reflect_is_the_same_by_two_quadratures() -> None:
