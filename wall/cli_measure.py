@@ -265,6 +265,7 @@ def reference(
         list[Path], typer.Argument(metavar="CONFIG...", help="Walls of one panel, paths traced", show_default=False)
     ],
     spp: Annotated[int, typer.Option(min=16, max=1 << 20, help="Samples a pixel")] = 256,
+    own: Annotated[bool, typer.Option("--own-materials", help="Mitsuba's own, which differ by design")] = False,
     out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/reference"),
 ) -> None:
     """Compare path-traced images with Mitsuba 3's of the same scenes: means, and each pixel against its noise.
@@ -277,9 +278,8 @@ def reference(
 
     options.check_installed("wall measure reference", {"mitsuba": "mitsuba"})
     options.check_files(configs)
-    out.mkdir(parents=True, exist_ok=True)
     with errors.status("comparing") as status:
-        rows = [compare(config, spp=spp, out=out, say=lambda what: status.update(what)) for config in configs]
+        rows = [compare(config, spp=spp, out=out, say=status.update, own=own) for config in configs]
     console.print(report(rows, out))
     if not all(row.ok for row in rows):
         fail(f"not the same: {', '.join(row.config for row in rows if not row.ok)}")
@@ -338,7 +338,7 @@ def accuracy(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/accuracy"),
 ) -> None:
-    """Run every hard case, and hold its figure against its bound. Takes about two minutes.
+    """Run every hard case, and hold its figure against its bound. Takes about four minutes.
 
     [bold]wall measure accuracy --out OUT/accuracy[/]
     """

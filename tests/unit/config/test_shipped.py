@@ -25,6 +25,7 @@ RANKS = {
     "paths/cornell_metal": 2,
     "paths/environment": 2,
     "paths/lamps": 2,
+    "paths/materials": 2,
     "paths/progressive": 2,
     "balance": 3,
     "cave_corner": 4,

@@ -171,6 +171,26 @@ def test_equal_cpu_time_has_bars_of_its_own() -> None:
     ]
 
 
+def test_noisy_light_has_bars_of_its_own_where_all_three_scenes_ran() -> None:
+    errors = {"framed": 0.051, "accumulating": 0.049, "svgf_half": 0.03, "svgf": 0.019, "adaptive:no_filtering": 0.021}
+    errors["adaptive"] = 0.01
+    rows = [row(scene, method, e) for scene in ("bounce", "metal") for method, e in errors.items()]
+    assert not [v for v in verdicts(rows) if "error of" in v.what], "two scenes have another mean"
+    rows += [row("lamps", method, e) for method, e in (errors | {"svgf": 0.032}).items()]
+    # the best of SVGF on each scene: 1.9, 1.9, 3.0
+    assert {v.what.split(" over")[0]: (v.met, v.came) for v in verdicts(rows) if "noisy light, 400 k" in v.what} == {
+        "error of framed": (True, "5.10, worst 5.10 (bounce)"),
+        "error of accumulating": (False, "4.90, worst 4.90 (bounce)"),
+        "error of best SVGF": (True, "2.21, worst 1.90 (bounce (svgf))"),
+        "error of adaptive:no_filtering": (False, "2.10, worst 2.10 (bounce)"),
+    }
+    timed = [replace(row, clock="cpu") for row in rows]
+    assert [(v.what, v.met) for v in verdicts(timed)] == [
+        ("error of framed over adaptive, noisy light, 1 core", True),
+        ("error of best SVGF over adaptive, noisy light, 1 core", True),
+    ]
+
+
 def test_summary_file_is_strict_json_even_where_a_number_does_not_exist(tmp_path: Path) -> None:
     rows = [row("a", "adaptive", 0.01), row("a", "framed", 0.05), row("a", "framed_x10", 0.06)]
     write_summary(tmp_path / "summary.json", rows)

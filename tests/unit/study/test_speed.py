@@ -7,17 +7,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_scenes import scene_of, sphere_mesh
 from typer.testing import CliRunner
 
 from wall import cli
 from wall.commands import terminal
 from wall.core.data import BACKGROUND
 from wall.core.errors import ConfigError, RunError
-from wall.study.speed import record, runs, speed
+from wall.core.jit import kernel
+from wall.study.speed import mitsuba_peer, path_peer, record, runs, speed
+from wall.study.speed.kernels.embree_rate import bare_recording
 from wall.study.speed.tracing import T_FAR, Bench
 from wall.tracing import embree
+from wall.tracing.instance_trees import InstanceTrees
 from wall.tracing.kernels import trace as kernels
-from wall.tracing.kernels.values import PRIMARY_RAYS, SHADOW_RAYS
+from wall.tracing.kernels.rows import SHADOW_PACKET
+from wall.tracing.kernels.trees import any_hits, closest_hits
+from wall.tracing.kernels.values import EVERY_OBJECT, PRIMARY_RAYS, SHADOW_RAYS, Recording
+from wall.tracing.tracer import workspace
+from wall.tracing.tracer_scene import make_tracer_scene
 
 KEYS = {"metric", "value", "unit", "limit", "ratio", "command", "machine", "seed", "commit"}
 
@@ -99,6 +107,47 @@ def test_bare_rays_that_are_not_those_of_tracing_are_refused(compiled_only: None
         bench.hits[:, embree.DIRECTION_X : embree.DIRECTION_X + 16] += np.float32(0.05)
     with pytest.raises(RunError, match="found something else than tracing did"):
         bench.check()
+
+
+@kernel
+def ask_twice(trees, work):
+    """The nearest hits of a packet's rays, then whether anything is in the way of its shadow rays."""
+    closest_hits(trees, work)
+    any_hits(trees, work)
+
+
+def test_recorded_rays_find_what_was_found_when_they_are_asked_alone(compiled_only: None) -> None:
+    ball = scene_of([sphere_mesh()])
+    trees = InstanceTrees(make_tracer_scene(ball), np.full(len(ball.instances), EVERY_OBJECT, np.uint32))
+    trees.place(ball.at(0.0), np.zeros(3))
+    packets, valid = embree.aligned((3, embree.RAY_HIT_FLOATS), np.uint32), embree.aligned((3, 16), np.int32)
+    record = Recording(packets, valid, np.zeros(3, np.bool_), np.zeros(3, np.uint32), np.zeros(1, np.int64))
+    work = workspace(coherent=False)._replace(recording=record)
+    for rays in (0, SHADOW_PACKET):  # from z = 4 down, a quarter of a unit apart: the ball has a radius of 1
+        packet = work.packet[rays:]
+        packet[embree.ORIGIN_X : embree.ORIGIN_X + 16] = np.arange(16) / 4.0
+        packet[embree.ORIGIN_Z : embree.ORIGIN_Z + 16], packet[embree.DIRECTION_Z : embree.DIRECTION_Z + 16] = 4.0, -1.0
+        packet[embree.T_FAR : embree.T_FAR + 16] = 100.0
+    work.bits[embree.GEOMETRY : embree.INSTANCE + 16] = embree.NO_HIT
+    work.valid[:], work.shadow_valid[:] = -1, [-1] * 8 + [0] * 8
+    ask_twice(trees.trees, work)
+    found = work.packet[: embree.RAY_HIT_FLOATS].copy(), work.packet[SHADOW_PACKET:][: embree.RAY_FLOATS].copy()
+    assert record.asked[0] == 2
+    assert record.shadow[:2].tolist() == [False, True]
+    assert np.count_nonzero(record.valid) == 16 + 8
+    assert (record.packets[0, T_FAR].view(np.float32) == 100.0).all(), "as it was before Embree wrote into it"
+    asked = record.packets.view(np.float32)[:2], record.valid[:2], record.shadow[:2], record.flags[:2]
+    assert bare_recording(trees.trees.at_rest, *asked, work.arguments) == 2
+    assert np.array_equal(asked[0][0, T_FAR], found[0][T_FAR])
+    assert 0 < np.isinf(asked[0][1, T_FAR]).sum() < 8
+    assert np.array_equal(asked[0][1, T_FAR], found[1][T_FAR])
+
+
+def test_without_mitsuba_its_metrics_are_skipped_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mitsuba_peer, "find_spec", lambda name: None)
+    rows = list(speed.measure(["mitsuba_llvm", *path_peer.METRICS], quick=True, say=lambda names: None))
+    assert [row.metric for row in rows] == [*path_peer.METRICS, "mitsuba_llvm"]
+    assert all(row.value is None and "Mitsuba is not installed" in row.note for row in rows)
 
 
 SUMMARY = {

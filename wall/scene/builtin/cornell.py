@@ -18,6 +18,7 @@ HEIGHT, DEPTH = 5.488, 5.592
 SMALL = ((1.30, 0.65), (0.82, 2.25), (2.40, 2.72), (2.90, 1.14))  # x, z of the boxes' corners, and their heights
 LARGE = ((4.23, 2.47), (2.65, 2.96), (3.14, 4.56), (4.72, 4.06))
 SMALL_HEIGHT, LARGE_HEIGHT = 1.65, 3.30
+GAP = 0.005  # below the boxes: glass whose base is the floor itself would show either of them by chance
 BLACK = (0.0, 0.0, 0.0)
 PATH_DEPTH = 6
 Corner = tuple[float, float, float]
@@ -42,7 +43,7 @@ def cornell() -> Source:
 
 def _box(corners: tuple[tuple[float, float], ...], height: float) -> RawMesh:
     """Four walls and both ends, outsides counterclockwise."""
-    low, high = [(x, 0.0, z) for x, z in corners], [(x, height, z) for x, z in corners]
+    low, high = [(x, GAP, z) for x, z in corners], [(x, height, z) for x, z in corners]
     sides = [(low[k], high[k], high[k - 1], low[k - 1]) for k in range(4)]
     return _quads((high[0], high[1], high[2], high[3]), (low[3], low[2], low[1], low[0]), *sides)
 

@@ -18,6 +18,7 @@ from wall.study.accuracy import (
     rest,
     seams,
     surfaces,
+    unbiased,
     watertight,
     wire,
 )
@@ -26,7 +27,7 @@ from wall.study.accuracy.case import Case
 CASES: tuple[Case, ...] = (
     *place.CASES, *watertight.CASES, *light.CASES, *materials.CASES, *surfaces.CASES, *reprojection.CASES,
     *motion.CASES, *accumulation.CASES, *seams.CASES, *curved.CASES, *wire.CASES, *quantised.CASES,
-    *inputs.CASES, *messages.CASES, *rest.CASES,
+    *inputs.CASES, *messages.CASES, *rest.CASES, *unbiased.CASES,
 )  # fmt: skip
 
 

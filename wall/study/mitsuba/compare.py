@@ -48,15 +48,19 @@ class Row:
     cpu_s: float  # of our process, compiling left out
     mitsuba_cpu_s: float
     mitsuba: str  # version and variant
+    materials: str  # "formulas" or "mitsuba"
     ok: bool
 
 
-def compare(config: Path, *, spp: int, out: Path, say: Callable[[str], None]) -> Row:
-    """Renders both, writes a picture of both and of their difference to `out`. Raises ConfigError, RunError."""
+def compare(config: Path, *, spp: int, out: Path, say: Callable[[str], None], own: bool = False) -> Row:
+    """Renders both, writes a picture of both and of their difference to `out`. Raises ConfigError, RunError.
+
+    own : materials are Mitsuba's own, where it has any that are near; else plugins evaluate the published formulas
+    """
     plan = make_plan(make_layout(load(config)))
     each = max(1, spp // BATCHES)
     mi, variant = _mitsuba()
-    description = describe(mi, plan, spp=each)
+    description = describe(mi, plan, spp=each, own=own)
     scene = mi.load_dict(description)
     _ours(plan, 1, BATCHES + 1), _theirs(mi, scene, 1, BATCHES + 1)  # compiled
     ours, theirs, seconds = [], [], np.zeros(2)
@@ -71,12 +75,14 @@ def compare(config: Path, *, spp: int, out: Path, say: Callable[[str], None]) ->
     mean, other = a.mean(axis=0), b.mean(axis=0)
     ratio = (mean.mean(axis=(0, 1)) + BLACK) / (other.mean(axis=(0, 1)) + BLACK)
     passed = passing(a, b)
+    out.mkdir(parents=True, exist_ok=True)
     _picture(mean, other).save(out / f"{config.stem}.png")
     ok = passed >= FEWEST_PASSES and bool((np.abs(ratio - 1.0) <= MEAN_BOUND).all())
     return Row(
         config=config.stem, spp=each * BATCHES, mean=mean.mean(axis=(0, 1)).tolist(), ratio=ratio.tolist(),
         rmse=float(np.sqrt(((mean - other) ** 2).mean())), cpu_s=float(seconds[0]), mitsuba_cpu_s=float(seconds[1]),
         mitsuba=f"{mi.__version__} {variant}", passed=passed, ok=ok,
+        materials="mitsuba" if own else "formulas",
     )  # fmt: skip
 
 

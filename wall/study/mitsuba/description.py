@@ -1,6 +1,6 @@
 """A scene and its view as Mitsuba 3 takes them: one shape an object, materials in Mitsuba's models, the same lights.
 
-What has no equal there is refused with RunError: see surfaces.py; spots and suns with an angular diameter too.
+What has no equal there is made by plugins, materials.py and lights.py, or refused with RunError: see surfaces.py.
 """
 
 from __future__ import annotations
@@ -13,30 +13,27 @@ from wall.core.errors import RunError
 from wall.roles.plan import Plan
 from wall.scene.kernels.environment import look_up
 from wall.scene.model import Environment
+from wall.study.mitsuba.plugins import plugin
 from wall.study.mitsuba.surfaces import rgb, shape_of
 
 SKY_ROWS = 512  # of the picture of the sky
 ENVIRONMENT_ROWS = 1024  # of the picture of an environment, about; more where it has more
 
 
-def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
+def describe(mi: Any, plan: Plan, *, spp: int, own: bool = False) -> dict[str, Any]:
     """Mitsuba's dictionary of a one-panel wall's scene at time 0. Raises RunError for what Mitsuba cannot show.
 
-    mi : the module, its variant chosen
+    mi : the module, its variant chosen; own : materials are Mitsuba's own, see surfaces.py
     """
     scene, depth = plan.scene, plan.scene.path_depth
     if depth is None or scene.occlusion is not None:
         raise RunError(
             "scene.integrator: direct light and ambient occlusion have no equal in Mitsuba; wanted {method: path}"
         )
-    if scene.spot_lights:
-        raise RunError("scene.lights: Mitsuba's spots fade otherwise than glTF's; wanted points, directions, surfaces")
-    if any(light.angular_diameter > 0.0 for light in scene.directional_lights):
-        raise RunError("scene.lights: Mitsuba's directions have no angular diameter; wanted 0")
     if any(cut.enabled for cut in scene.shading(0.0).cuts):
         raise RunError("scene.cuts: Mitsuba cuts nothing open; wanted none that is enabled")
     moment, method = scene.at(0.0), "path"
-    if any(material.alpha_mode == "blend" for material in scene.materials):  # light for `path` stops there
+    if any(material.alpha_mode != "opaque" for material in scene.materials):  # light for `path` stops there
         method = "volpath"
     if any(max(material.absorption) > 0.0 for material in scene.materials):
         method = "volpathmis"  # `volpath` finds NaN in glass that absorbs one colour more than another
@@ -52,8 +49,19 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
         found[f"sun{k}"] = {
             "type": "directional", "direction": (-direction).tolist(), "irradiance": rgb(sun.irradiance)
         }  # fmt: skip
+        if sun.angular_diameter > 0.0:
+            found[f"sun{k}"] = plugin(
+                mi, "wall_sun", direction=direction.tolist(), irradiance=mi.ScalarColor3f(sun.irradiance),
+                angle=np.radians(0.5 * sun.angular_diameter), reach=1e3 * scene.radius,
+            )  # fmt: skip
+    for k, (spot, position) in enumerate(zip(scene.spot_lights, moment.spot_positions, strict=True)):
+        scale, offset = spot.falloff
+        found[f"spot{k}"] = plugin(
+            mi, "wall_spot", position=position.tolist(), direction=list(spot.direction),
+            intensity=mi.ScalarColor3f(spot.intensity), scale=scale, offset=offset,
+        )  # fmt: skip
     for k in range(len(scene.instances)):
-        found[f"object{k}"] = shape_of(mi, scene, k, moment.world_from_object[k])
+        found[f"object{k}"] = shape_of(mi, scene, k, moment.world_from_object[k], own=own)
     return found
 
 

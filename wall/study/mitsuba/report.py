@@ -19,8 +19,9 @@ def report(rows: Sequence[Row], out: Path) -> Table:
     for name in ("config", "samples a pixel", "mean, ours over theirs", "pixels that agree", "RMSE", "CPU s", "same"):
         table.add_column(name)
     for row in rows:
+        name = row.config + (", its own materials" if row.materials == "mitsuba" else "")
         table.add_row(
-            row.config, str(row.spp), ", ".join(f"{value:.4f}" for value in row.ratio), f"{100 * row.passed:.2f} %",
+            name, str(row.spp), ", ".join(f"{value:.4f}" for value in row.ratio), f"{100 * row.passed:.2f} %",
             f"{row.rmse:.4f}", f"{row.cpu_s:.1f}, {row.mitsuba_cpu_s:.1f}", "yes" if row.ok else "no",
         )  # fmt: skip
     return table

@@ -1,10 +1,11 @@
-"""Objects of a scene as Mitsuba 3 takes them: meshes, materials in its own models, textures.
+"""Objects of a scene as Mitsuba 3 takes them: meshes, materials, textures.
 
-What has no equal there is refused: a coat over diffuse light, metal whose reflectance grows at grazing angles and is
-not white, coloured glass that is not thin, rough thin glass, surfaces that emit on both sides, textures of roughness
-and metalness, masks by a texture, textures that end otherwise along u than along v, several sets of texture
-coordinates, vertex colours. Rough white metal differs by the light that goes from facet to facet, which Mitsuba's
-loses.
+Diffuse surfaces, smooth glass and smooth white metal are Mitsuba's own, all else are materials.py's, which evaluate the
+published formulas. With `own` Mitsuba's nearest models take their place, which differ by design: they lose the light
+that goes from facet to facet, hide facets from either side by themselves, and let light to and fro below coats.
+
+Refused: points and curves, vertex colours, textures of the roughness of glass, textures that end otherwise along u than
+along v, several sets of texture coordinates.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from wall.core.data import Float64
 from wall.core.errors import RunError
 from wall.scene.build import Scene
 from wall.scene.model import Material, Texture
-from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS
+from wall.study.mitsuba.materials import SMOOTHEST
+from wall.study.mitsuba.plugins import plugin
 
 
 def rgb(values: tuple[float, ...]) -> dict[str, Any]:
@@ -26,7 +28,7 @@ def rgb(values: tuple[float, ...]) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(v) for v in values]}
 
 
-def shape_of(mi: Any, scene: Scene, k: int, pose: Float64) -> Any:
+def shape_of(mi: Any, scene: Scene, k: int, pose: Float64, *, own: bool) -> Any:
     """Mitsuba's shape of instance k, placed by `pose` (4, 4), world; mi : the module, its variant chosen."""
     instance = scene.instances[k]
     mesh, called = scene.meshes[instance.mesh], instance.name
@@ -42,15 +44,14 @@ def shape_of(mi: Any, scene: Scene, k: int, pose: Float64) -> Any:
     if any(texture is not None and texture.uv_set > 0 for texture in textures):
         raise RunError(f"object {called!r}: has several sets of texture coordinates; wanted one, as in Mitsuba")
     properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(_bsdf(mi, material, textures, called))
+    properties["bsdf"] = mi.load_dict(_bsdf(mi, material, textures, called, own=own))
     if (most := max(material.absorption)) > 0.0:
         shares = rgb(tuple(part / most for part in material.absorption))
         properties["interior"] = mi.load_dict({"type": "homogeneous", "albedo": 0.0, "sigma_t": shares, "scale": most})
     if max(material.emission) > 0.0:
-        if material.emits_behind:
-            raise RunError(f"object {called!r}: emits on both sides; wanted sides: front, as Mitsuba's surfaces do")
         radiance = _colour(mi, material.emission, textures[2], called)
-        properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
+        shines = plugin(mi, "wall_lamp") if material.emits_behind else {"type": "area"}
+        properties["emitter"] = mi.load_dict({**shines, "radiance": radiance})
     shape = mi.Mesh(
         f"object{k}", len(mesh.vertices), len(mesh.triangles),
         has_vertex_normals=mesh.normals is not None, has_vertex_texcoords=mesh.uvs is not None, props=properties,
@@ -70,50 +71,95 @@ def shape_of(mi: Any, scene: Scene, k: int, pose: Float64) -> Any:
     return shape
 
 
-def _bsdf(mi: Any, material: Material, textures: list[Texture | None], called: str) -> dict[str, Any]:
-    """Mitsuba's material with bumps and alpha."""
+def _bsdf(mi: Any, material: Material, textures: list[Texture | None], called: str, *, own: bool) -> dict[str, Any]:
+    """Mitsuba's material with bumps and alpha: of the shares of glass, of a mirror and of what is opaque."""
     base, rough, _, normal = textures
-    if rough is not None:
-        raise RunError(f"object {called!r}: a texture of roughness and metalness has no equal in Mitsuba")
-    found = _plain_bsdf(mi, material, base, called)
+    through, mirror = material.transmission, (1.0 - material.transmission) * material.mirror
+    parts = []
+    if through > 0.0:
+        glass = _sheet if material.thin else _glass
+        if rough is not None:
+            raise RunError(f"object {called!r}: a texture of the roughness of glass is not handed to Mitsuba")
+        parts.append((through, glass(mi, material, _colour(mi, material.base_color, base, called), own=own)))
+    if mirror > 0.0:
+        parts.append((mirror, {"type": "conductor", "material": "none"}))
+    if through + mirror < 1.0:
+        parts.append((1.0 - through - mirror, _opaque(mi, material, base, rough, called, own=own)))
     if normal is not None:
         turned = (np.asarray(normal.texels / 255.0) - 0.5) * [material.normal_scale, material.normal_scale, 1.0] + 0.5
-        found = {
-            "type": "normalmap", "normalmap": _bitmap(mi, turned, normal, called), "bsdf": found,
+        bumps = {
+            "type": "normalmap", "normalmap": _bitmap(mi, turned, normal, called),
             "use_shadowing_function": False, "flip_invalid_normals": False,
         }  # fmt: skip
-    if found["type"] not in ("dielectric", "roughdielectric", "thindielectric"):
-        found = {"type": "twosided", "bsdf": found}
+        parts = [(share, {**bumps, "bsdf": part}) for share, part in parts]
+    first = 1 if through > 0.0 else 0  # glass knows its sides
+    parts = parts[:first] + [(share, {"type": "twosided", "bsdf": part}) for share, part in parts[first:]]
+    share, found = parts[0]
+    for other, part in parts[1:]:
+        share += other
+        found = {"type": "blendbsdf", "weight": other / share, "first": found, "second": part}
+    if material.alpha_mode == "opaque":
+        return found
+    opacity: Any = {"type": "uniform", "value": material.alpha}
+    if base is not None and base.alpha is not None:
+        opacity = _bitmap(mi, np.asarray(base.alpha[..., None] * (material.alpha / 255.0)), base, called)
     if material.alpha_mode == "mask":
-        raise RunError(f"object {called!r}: is cut out by a mask, which has no equal in Mitsuba; wanted blend")
-    if material.alpha_mode == "blend":
-        opacity: Any = material.alpha
-        if base is not None and base.alpha is not None:
-            opacity = _bitmap(mi, np.asarray(base.alpha[..., None] * (material.alpha / 255.0)), base, called)
-        found = {"type": "mask", "opacity": opacity, "bsdf": found}
-    return found
+        opacity = plugin(mi, "wall_cutoff", values=opacity, least=material.alpha_cutoff)
+    return {"type": "mask", "opacity": opacity, "bsdf": found}
 
 
-def _plain_bsdf(mi: Any, material: Material, base: Texture | None, called: str) -> dict[str, Any]:
-    """Mitsuba's material; alpha of GGX is the roughness squared."""
-    smooth, alpha = material.roughness < float(FLATTEST_ROUGHNESS), material.roughness**2
+def _glass(mi: Any, material: Material, color: dict[str, Any], *, own: bool) -> dict[str, Any]:
+    """A body of glass; alpha of GGX is the roughness squared."""
+    if own or material.roughness < SMOOTHEST:
+        kind = {"type": "dielectric"} if material.roughness < SMOOTHEST else {
+            "type": "roughdielectric", "distribution": "ggx", "alpha": material.roughness**2
+        }  # fmt: skip
+        index = {"int_ior": material.ior, "ext_ior": 1.0}
+        return {**kind, **index, "specular_reflectance": color, "specular_transmittance": color}
+    return plugin(mi, "wall_walk", color=color, roughness=material.roughness, ior=material.ior)
+
+
+def _sheet(mi: Any, material: Material, color: dict[str, Any], *, own: bool) -> dict[str, Any]:
+    """A sheet of glass; Mitsuba has no rough one."""
+    if material.roughness < SMOOTHEST:
+        index = {"int_ior": material.ior, "ext_ior": 1.0}
+        return {"type": "thindielectric", **index, "specular_transmittance": color}
+    return plugin(mi, "wall_sheet", color=color, roughness=material.roughness, ior=material.ior)
+
+
+def _opaque(
+    mi: Any, material: Material, base: Texture | None, rough: Texture | None, called: str, *, own: bool
+) -> dict[str, Any]:
+    """Diffuse light, a coat over it, metal, and what lies between them."""
+    color = _colour(mi, material.base_color, base, called)
+    if max(material.metallic, material.specular) == 0.0:
+        return {"type": "diffuse", "reflectance": color}
     white = min(material.base_color) == 1.0 and base is None
-    index = {"int_ior": material.ior, "ext_ior": 1.0}
-    if material.transmission == 1.0 and material.thin and smooth:
-        left = _colour(mi, material.base_color, base, called)
-        return {"type": "thindielectric", **index, "specular_transmittance": left}
-    if material.transmission == 1.0 and white and not material.thin:
-        if smooth:
-            return {"type": "dielectric", **index}
-        return {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha, **index}
-    if material.mirror == 1.0:
+    smooth = material.roughness < SMOOTHEST and rough is None
+    if material.metallic == 1.0 and white and smooth and rough is None:
         return {"type": "conductor", "material": "none"}
-    if material.metallic == 1.0 and white:
-        kind = {"type": "conductor"} if smooth else {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
-        return {**kind, "material": "none"}
-    if max(material.metallic, material.specular, material.mirror, material.transmission) > 0.0:
-        raise RunError(f"object {called!r}: has no equal in Mitsuba; wanted diffuse, white metal, glass, or a mirror")
-    return {"type": "diffuse", "reflectance": _colour(mi, material.base_color, base, called)}
+    roughness, metallic = (
+        {"type": "uniform", "value": factor} if rough is None
+        else _bitmap(mi, np.asarray(rough.texels[..., [channel]] * (factor / 255.0)), rough, called)
+        for channel, factor in ((1, material.roughness), (2, material.metallic))
+    )  # fmt: skip
+    if not own:
+        return plugin(
+            mi, "wall_opaque", base_color=color, roughness=roughness, metallic=metallic, specular=material.specular,
+            ior=material.ior,
+        )  # fmt: skip
+    if material.metallic == 1.0 and white and rough is None:
+        return {"type": "roughconductor", "distribution": "ggx", "alpha": material.roughness**2, "material": "none"}
+    if material.metallic == 0.0 and material.specular == 1.0 and rough is None:
+        kind = {"type": "plastic"} if smooth else {
+            "type": "roughplastic", "distribution": "ggx", "alpha": material.roughness**2
+        }  # fmt: skip
+        return {**kind, "diffuse_reflectance": color, "int_ior": material.ior, "ext_ior": 1.0}
+    edge = ((material.ior - 1.0) / (material.ior + 1.0)) ** 2
+    specular = 0.5 if material.metallic == 1.0 else min(1.0, material.specular * edge / 0.08)  # of metal: any but 0
+    return {
+        "type": "principled", "base_color": color, "roughness": roughness, "metallic": metallic, "specular": specular
+    }  # fmt: skip
 
 
 def _colour(mi: Any, factor: tuple[float, ...], texture: Texture | None, called: str) -> dict[str, Any]:

@@ -43,19 +43,9 @@ IRRADIANCE, ALBEDO = 3.0, 0.8
 
 def measure(rounds: int) -> list[Row]:
     """mitsuba_llvm: samples a second a core, ours against theirs, and how far the two images are apart."""
-    skip = ("mitsuba_llvm", "M samples/s", "ratio >= 1")
-    if find_spec("mitsuba") is None:
-        return [skipped(*skip, "Mitsuba is not installed (pip install 'wall[measure]')")]
-    library = libllvm()
-    if library is None:
-        return [skipped(*skip, f"no libLLVM of version {OLDEST_LLVM} or newer (Debian: apt install libllvm19)")]
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "wall.study.speed.mitsuba_peer", folder, str(rounds)]
-        environment = os.environ | {"DRJIT_LIBLLVM_PATH": library}
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PEER_LIMIT_S, env=environment)
-        if done.returncode:
-            raise RunError(f"Mitsuba, with {library}: {done.stderr.strip()[-300:]}")
-        found = json.loads((Path(folder) / "rates.json").read_text(encoding="utf-8"))
+    found = in_own_process("wall.study.speed.mitsuba_peer", rounds)
+    if isinstance(found, str):
+        return [skipped("mitsuba_llvm", "M samples/s", "ratio >= 1", found)]
     note = f"{found['triangles']} triangles, one directional light, {found['pixels']} pixels at 1 sample, one core each"
     return [
         compared(
@@ -63,6 +53,23 @@ def measure(rounds: int) -> list[Row]:
             rmse=found["rmse"], mean_radiance=found["mean"], mitsuba=found["version"],
         )
     ]  # fmt: skip
+
+
+def in_own_process(module: str, rounds: int) -> dict[str, Any] | str:
+    """What a module's process writes to rates.json, or why it was not started. Raises RunError where it fails."""
+    if find_spec("mitsuba") is None:
+        return "Mitsuba is not installed (pip install 'wall[measure]')"
+    library = libllvm()
+    if library is None:
+        return f"no libLLVM of version {OLDEST_LLVM} or newer (Debian: apt install libllvm19)"
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", module, folder, str(rounds)]
+        environment = os.environ | {"DRJIT_LIBLLVM_PATH": library}
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PEER_LIMIT_S, env=environment)
+        if done.returncode:
+            raise RunError(f"Mitsuba, with {library}: {done.stderr.strip()[-300:]}")
+        found: dict[str, Any] = json.loads((Path(folder) / "rates.json").read_text(encoding="utf-8"))
+    return found
 
 
 def _main(folder: str, rounds: int) -> None:

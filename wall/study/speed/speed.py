@@ -16,6 +16,8 @@ from wall.study.speed import (
     compositor_tree,
     many_lights,
     mitsuba_peer,
+    path_peer,
+    paths,
     reconstruction,
     runs,
     tracing,
@@ -45,6 +47,8 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("many_lamps", "many_points"), lambda rounds, seconds: many_lights.costs(rounds)),
     (("lamps_noise",), lambda rounds, seconds: many_lights.noise()),
     (("light_tree", "light_tree_move"), lambda rounds, seconds: many_lights.upkeep(rounds)),
+    (tuple(f"path_embree{ending}" for ending in paths.SCENES), lambda rounds, seconds: paths.measure(rounds)),
+    (path_peer.METRICS, lambda rounds, seconds: path_peer.measure(rounds)),
     (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
     (("compositor_tree",), lambda rounds, seconds: compositor_tree.measure(rounds)),
     (("depth_tree",), lambda rounds, seconds: compositing.depth_tree(rounds)),
@@ -58,7 +62,7 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
 )
 METRICS = (
     "trace_framed", "trace_hilbert", "many_lamps", "many_points", "lamps_noise", "light_tree", "light_tree_move",
-    "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
+    "path_embree", "path_embree_model", *path_peer.METRICS, "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
     "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "reconstruct_threads", "end_to_end",
     "encrypted",
     "depth_copy", "depth_covered", "unchanged_input", "compositor_tree", "depth_tree", "compositor_cpu",

@@ -221,6 +221,16 @@ class Lights(NamedTuple):
     sky_irradiance: Float32  # (SKY_STEPS + 1, 3) over pi, by the normal's height
 
 
+class Recording(NamedTuple):
+    """What Embree was asked, in order, with room for n packets of rays: for measuring alone."""
+
+    packets: NDArray[np.uint32]  # (n, RAY_HIT_FLOATS) bits, 64-byte aligned
+    valid: NDArray[np.int32]  # (n, 16) -1 or 0, likewise aligned
+    shadow: NDArray[np.bool_]  # (n,) asked for anything in the way, not for the nearest hit
+    flags: NDArray[np.uint32]  # (n,) of the query
+    asked: NDArray[np.int64]  # (1,) queries so far, also beyond the room
+
+
 class Workspace(NamedTuple):
     """One thread's packet, 64-byte aligned; see workspace() in tracer.py, which sets the rows that never change."""
 
@@ -232,3 +242,4 @@ class Workspace(NamedTuple):
     hit_before: NDArray[np.uint32]  # (16,) scratch of trees.closest_hits
     counts: NDArray[np.int64]  # (4,) PRIMARY_RAYS ... BAD_SAMPLES
     cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
+    recording: Recording | None = None  # of queries; None: nobody measures

@@ -29,3 +29,26 @@ def bare_queries(scene, hits, valid, shadows, lit, ends, arguments):
             occluded16(lit[done].ctypes.data, scene, shadows[done].ctypes.data, arguments.ctypes.data)
             done += 1
     return hits.shape[0] + done
+
+
+@kernel
+def bare_recording(scene, packets, valid, shadow, flags, arguments):
+    """Ask Embree what was recorded, in order.
+
+    Parameters
+    ----------
+    scene : int, committed Embree scene
+    packets, valid, shadow, flags : a Recording's, of n queries; packets are written by Embree
+    arguments : (16,) uint32, RTCIntersectArguments, whose flags are left as those of the last query
+
+    Returns
+    -------
+    packets : int, n
+    """
+    for k in range(packets.shape[0]):
+        arguments[0] = flags[k]
+        if shadow[k]:
+            occluded16(valid[k].ctypes.data, scene, packets[k].ctypes.data, arguments.ctypes.data)
+        else:
+            intersect16(valid[k].ctypes.data, scene, packets[k].ctypes.data, arguments.ctypes.data)
+    return packets.shape[0]
