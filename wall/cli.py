@@ -20,7 +20,7 @@ from wall.cli_plan import plan
 from wall.cli_render import IntegratorOption, UpOption, render, replay, screenshot
 from wall.cli_tracker import tracker
 from wall.commands.terminal import console, errors, fail, load_config, readably, say_version, write_text
-from wall.core.errors import EditError
+from wall.core.errors import EditError, WallError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -119,8 +119,13 @@ def run(
 
         film_later = film_of_run(film, record, rate=film_rate, spp=film_spp)
         options = replace(options, record=film_later.events)
-    with StartProgress(open_page=loaded.config.output.browser.open) as progress:
-        outcome = launch.run(loaded, options, progress.say, progress.opened)
+    try:
+        with StartProgress(open_page=loaded.config.output.browser.open) as progress:
+            outcome = launch.run(loaded, options, progress.say, progress.opened)
+    except WallError:
+        if film_later is not None:  # or the next run would be refused for what this one has begun
+            film_later.drop()
+        raise
     if outcome is None:
         return
     show_summary(outcome.summary, options.out)

@@ -72,8 +72,8 @@ def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_pa
         assert control["head"], "CURVE"
         with connect(address, patience_s=PATIENCE_S) as wall:
             hosts.cut("h3")
-            time.sleep(2.0)  # four times lost_after_s
-            assert alive() == [True, True, False]
+            comes(lambda: alive() == [True, True, False], "silence")
+            time.sleep(2.0)  # four times lost_after_s: no reason to end
             wall.set({"sky.zenith": [0.9, 0.1, 0.1]})
             half = until(address, home)
             assert np.array_equal(half[:, -64:], home[:, -64:]), "no sample of it came"
@@ -81,12 +81,11 @@ def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_pa
             red = until(address, half)
             assert not np.array_equal(red[:, -64:], home[:, -64:])
             assert np.array_equal(of_left(red), of_left(half))
-            assert all(alive())
+            comes(lambda: all(alive()), "samples, and heartbeats")
 
             hosts.slow("h3", SLOW_BITS_S)
             wall.undo()
             comes(lambda: np.array_equal(of_left(shown(address)), of_left(home)), "the other panel as before")
-            assert not np.array_equal(shown(address), home), "its samples take longer"
             comes(lambda: np.array_equal(shown(address), home), "all of it as before")
             hosts.speed_up("h3")
 

@@ -42,6 +42,11 @@ class FilmOfRun:
     rate: float
     spp: int
 
+    def drop(self) -> None:
+        """Remove the events, unless they were asked for."""
+        if not self.kept:
+            shutil.rmtree(self.events, ignore_errors=True)
+
     def make(self) -> None:
         """Make it; who ends that with Ctrl-C is told how to go on. Raises RunError."""
         try:
@@ -50,8 +55,7 @@ class FilmOfRun:
             command = f"wall replay {self.events} --film {self.film} --rate {self.rate:g} --spp {self.spp}"
             errors.print(f"note: {self.film} is not finished; {command} makes it", soft_wrap=True)
             raise
-        if not self.kept:
-            shutil.rmtree(self.events, ignore_errors=True)
+        self.drop()
 
 
 def film_of_run(film: Path, record: Path | None, *, rate: float, spp: int) -> FilmOfRun:

@@ -80,12 +80,15 @@ class View:
         return max(0.0, since + self.offset_s)
 
     @property
-    def timing(self) -> tuple[str, float]:
-        """The view whose time it has, and by how many seconds that is shifted: the same for views of one time."""
+    def timing(self) -> tuple[str, tuple[float, ...]]:
+        """The view whose time it has, and by how many seconds that is shifted, one after another: none goes below 0.
+
+        It is the same for views of one time.
+        """
         if self.clock is None:
-            return self.id, 0.0
-        whose, shift = self.clock.timing
-        return whose, shift + self.offset_s
+            return self.id, ()
+        whose, shifts = self.clock.timing
+        return whose, (*shifts, self.offset_s) if self.offset_s else shifts
 
     def camera_after(self, seconds: float) -> Camera:
         """The camera then: where it follows another view's, that is where that view's time has it."""

@@ -143,7 +143,7 @@ class Compositor:
             self._status_due = now
         elif isinstance(message, Heartbeat):
             self._beats[message.rank] = message
-        elif isinstance(message, Selection):
+        elif isinstance(message, Selection) and len(message.names) in (0, len(self._plan.views)):  # of this plan
             self._parameters, self._states = shown_parameters(self._plan, message.names), None
             self._handles = HandlesMaker(self._plan, message.names) if any(message.names) else None
             self._selection, self._status_due = message, now

@@ -54,8 +54,9 @@ class Tracers:
         self._plan, self._regions, self._clock = plan, plan.layout.regions_of(rank), clock
         self._images = (None,) * len(self._regions) if image is None else image.images
         self._tracer_scene = tracer_scene
-        for series in plan.scene.series:
-            series.meshes.times = len({plan.views[k].timing for k in plan.layout.views_of(rank)})
+        times = len({plan.views[k].timing for k in plan.layout.views_of(rank)})
+        for series in plan.scene.series:  # of ranks in one process, who share them, the one with most times counts
+            series.meshes.times = max(series.meshes.times, times)
         self._of_regions = [self._workers_of(*each) for each in zip(self._regions, self._images, strict=True)]
         self.workers = list(chain.from_iterable(self._of_regions))
         at_once = max(map(len, self._of_regions), default=plan.layout.sampling.threads)

@@ -24,7 +24,7 @@ class Probe:
 
     def refused(self, now: float) -> bool:
         """Whether connections are refused; asks again if that is due. `now`: monotonic seconds."""
-        if self._socket is not None and select.select((), (self._socket,), (), 0)[1]:
+        if self._socket is not None and _writable(self._socket):
             self._take(self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
         elif now >= self._due:
             self._due = now + ASK_S
@@ -51,6 +51,13 @@ class Probe:
     def _take(self, code: int) -> None:
         self._refused = self._refused + 1 if code == errno.ECONNREFUSED else 0
         self.close()
+
+
+def _writable(asked: socket.socket) -> bool:
+    """Whether it is connected, or refused; select would not take descriptors from 1,024 on."""
+    poll = select.poll()
+    poll.register(asked, select.POLLOUT)
+    return bool(poll.poll(0))
 
 
 def _address_of(endpoint: str) -> tuple[str, int] | None:

@@ -13,6 +13,7 @@ from page_viewer import run, until, with_viewer
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.colour import srgb_decoded
 from wall.core.tone_mapping import AS_IT_IS
+from wall.display import parts
 from wall.display.base import PanelImage, PanelSamples, WallImage
 from wall.display.browser import IN_FLIGHT, Browser
 from wall.display.parts import TILES_AT_REST
@@ -152,8 +153,9 @@ def test_a_slow_viewer_gets_the_tiles_of_all_that_it_missed(large, status):
     with_viewer(large, act)
 
 
-def test_changes_that_nobody_sees_wait_until_their_tile_rests_and_add_up(large, status):
+def test_changes_that_nobody_sees_wait_until_their_tile_rests_and_add_up(large, status, monkeypatch):
     """By at most 2 codes nothing is sent at once; 1 code in each of 3 images is visible; what rests is exact."""
+    monkeypatch.setattr(parts, "REST_S", 60.0)
     black = PanelImage(id="p0", rgb=np.zeros((100, 200, 3), np.uint8), screen=(0, 0), version=0)
     image = updated(black, gradient(), 1)
 
@@ -171,6 +173,7 @@ def test_changes_that_nobody_sees_wait_until_their_tile_rests_and_add_up(large, 
                 assert await viewer.silent_while(0.05)
         number, panels = await viewer.next_image()
         assert (panels[0][0], viewer.sent_tiles[0]) == (4, [0])
+        monkeypatch.setattr(parts, "REST_S", 0.1)
         while not np.array_equal(viewer.panels[0], image.rgb):
             await viewer.drawn(number)
             number, _ = await viewer.next_image()

@@ -83,7 +83,8 @@ def test_after_a_full_disk_all_is_closed_and_the_summary_is_there(
     monkeypatch.setattr(head, "make_sinks", lambda *args, **options: (sinks[: len(plan.layout.graph.sinks)], None))
     bootstrap = ThreadBootstrap.start(1, lambda _: None)
 
-    outcome = head.lead(plan, bootstrap, Preparer(plan, ["", ""]), head.Options(out=tmp_path, seconds=0.1), str, str)
+    options = head.Options(out=tmp_path, seconds=30.0 if fails_while_running else 0.1)
+    outcome = head.lead(plan, bootstrap, Preparer(plan, ["", ""]), options, str, str)
 
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary == outcome.summary

@@ -1,4 +1,4 @@
-"""Noisy light at rest: the mean of what is shown is that of independent samples, whatever was filtered before."""
+"""Noisy light at rest: the light of the whole image is that of independent samples, whatever was filtered before."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _reference(scene: str, spp: int) -> Float64:
 CASES = tuple(
     Case(
         name=f"unbiased_{scene}_{method}", family="Noisy light at rest", unit="of the mean", bound=0.002,
-        reason="an image at rest converges to what paths find: no viewer sees 0.2 %, and the filter closes by itself",
+        reason="an image at rest has the light that paths find, no more and no less: no viewer sees 0.2 %",
         scene=f"`configs/measure/{scene}.yaml` where nothing moves, {EDGE}x{EDGE} pixels, by `{method}`, against "
         f"{REFERENCE} times as many samples of another seed",
         measure=partial(bias, scene, method), size=4096, small=None,

@@ -71,10 +71,10 @@ class PathBench:
 
     def rate(self, spp: int) -> float:
         """Paths a second of so many samples a pixel, with the sum that their image is made of."""
-        places = [self._places() for _ in range(spp)]
         total = np.zeros((len(self._corners), 3), np.float32)
         began = time.process_time()
-        for number, xy in enumerate(places):
+        for number in range(spp):
+            xy = self._places()  # as the peer's sampler draws its own
             for first in range(0, len(xy), BATCH):
                 samples, _ = self.tracer.trace(xy[first : first + BATCH], 0.0, number)
                 total[first : first + len(samples)] += samples["radiance"]
