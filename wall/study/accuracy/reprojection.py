@@ -192,8 +192,8 @@ CASES = (
     ),
     Case(
         name="eye_10_um_from_the_panel", family=_FAMILY, unit=_UNIT, bound=8.0,
-        reason="the same roundings; but at 89.999 degrees from the panel's axis a pixel is narrower than one rounding of a "
-        "direction, so rays themselves cannot tell such pixels apart, and stored samples move by some while the camera does",
+        reason="the same roundings; but at 89.999 degrees from the panel's axis a pixel is narrower than one rounding "
+        "of a direction: rays cannot tell such pixels apart, and stored samples move by some while the camera does",
         scene="The same for an eye 10 um before the panel's plane", measure=partial(roundings_off, 1e-5),
         size=5000, small=100,
     ),

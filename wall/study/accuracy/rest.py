@@ -101,8 +101,8 @@ def right(radiance: float, eye: float, edge: int) -> Found:
 
 
 _RIGHT = (
-    f"a picture that says it is complete is the reference of {REFERENCE_SPP:,} samples a pixel; {WRONG} codes are what a "
-    "viewer may see at an edge"
+    f"a picture that says it is complete is the reference of {REFERENCE_SPP:,} samples a pixel; {WRONG} codes are what "
+    "a viewer may see at an edge"
 )
 CASES = (
     *(
@@ -127,8 +127,8 @@ CASES = (
         Case(
             name=f"rest_right_eye_{name}", family="Adaptive at rest", unit="share of pixels", bound=1e-4,
             reason="the same: an image at rest takes samples for the pixels that they were traced for",
-            scene=f"The lamp of radiance 1 for an eye {name.replace('_', ' ')} before the panel's plane, and as near to "
-            "the lamp as shows the same picture", measure=partial(right, 1.0, metres), size=16, small=small,
+            scene=f"The lamp of radiance 1 for an eye {name.replace('_', ' ')} before the panel's plane, and as near "
+            "to the lamp as shows the same picture", measure=partial(right, 1.0, metres), size=16, small=small,
         )
         for name, metres, small in (("1_mm", 1e-3, None), ("10_um", 1e-5, 6))
     ),
