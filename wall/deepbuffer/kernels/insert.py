@@ -114,7 +114,8 @@ def find_positions(samples, first, last, pose, panel_from_object, image_rows, sh
         if rules.of_shown_pose:
             own_u, own_v = sample["xy"][0] - rules.left, sample["xy"][1] - rules.top
             if not (abs(u - own_u) < STRAY and abs(v - own_v) < STRAY and depth > ZERO):
-                u, v, depth = own_u, own_v, max(sample["depth"], LEAST_DEPTH)
+                depth = max(sample["depth"], LEAST_DEPTH)
+            u, v = own_u, own_v
         rows[SCREEN_X, r], rows[SCREEN_Y, r] = u, v
         rows[SCREEN_DEPTH, r] = depth if u >= ZERO and v >= ZERO and u < right and v < bottom else OUTSIDE
 

@@ -16,6 +16,7 @@ from wall.core.data import Float64
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.run.single_process import SingleProcess
 from wall.study.accuracy.case import Case, Found, Picture, picture
+from wall.study.accuracy.scenes import turned
 from wall.tracing.tracer_scene import make_tracer_scene
 
 CONFIG = """\
@@ -25,12 +26,13 @@ scene:
   animation: []
   sky: {{zenith: [0.2, 0.2, 0.2], horizon: [0.2, 0.2, 0.2], ground: [0.2, 0.2, 0.2]}}
   materials: [{{object: "*", type: emission, radiance: [{radiance}, {radiance}, {radiance}]}}]
-wall: {{grid: {{columns: 1, rows: 1, pixels: [{edge}, {edge}], size: [0.3, 0.3]}}}}
-views: [{{camera: {{position: [0.13, 0.07, {height}], target: [0.13, 0.07, 0]}}, eye: [0, 0, {eye}], refresh_hz: 30}}]
+wall: {{grid: {{columns: 1, rows: 1, pixels: [{edge}, {edge}], size: [20, 20]}}}}
+views: [{{camera: {{position: {position}, target: {target}, up: {up}}}, eye: [0, 0, {eye}], refresh_hz: 30}}]
 sampling: {{method: adaptive, samples_per_pixel: 2, samples_per_batch: 64}}
 """
-SQUARE = "o lamp\nv -0.9 -0.5 0\nv 0.6 -0.7 0\nv 0.8 0.5 0\nv -0.6 0.8 0\nf 1 2 3 4\n"
-EYE = 0.4121  # metres before the panel, for a field of view of 40 degrees
+SQUARE = np.array([[-0.9, -0.5, 0.0], [0.6, -0.7, 0.0], [0.8, 0.5, 0.0], [-0.6, 0.8, 0.0]])
+TURN = turned("x", 31.0) @ turned("y", 17.0)  # of all: positions round in every direction
+EYE = 10.0 / math.tan(math.radians(20.0))  # metres before a panel of 20 m: a field of view of 40 degrees
 AWAY = 3.0 / EYE  # of the square, times the eye's distance
 REFERENCE_SPP = 16_384
 AT_MOST = 8.0  # times the samples of uniform sampling
@@ -44,9 +46,11 @@ SMALL = {1.0: 6}  # pixels an edge in the test command, by radiance: the others 
 def lamp(edge: int, radiance: float, eye: float) -> Plan:
     """A square of a radiance before a sky of 0.2, from an eye so far before the panel, metres: always one picture."""
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "square.obj").write_text(SQUARE, encoding="utf-8")
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in (SQUARE @ TURN.T).tolist()]
+        (Path(folder) / "square.obj").write_text("\n".join(["o lamp", *lines, "f 1 2 3 4", ""]), encoding="utf-8")
         path = Path(folder) / "wall.yaml"
-        path.write_text(CONFIG.format(edge=edge, radiance=radiance, height=AWAY * eye, eye=eye), encoding="utf-8")
+        position, target, up = (np.array([[0.13, 0.07, AWAY * eye], [0.13, 0.07, 0.0], [0.0, 1.0, 0.0]]) @ TURN.T).tolist()
+        path.write_text(CONFIG.format(edge=edge, radiance=radiance, eye=eye, position=position, target=target, up=up), encoding="utf-8")
         return make_plan(make_layout(load(path)))
 
 
