@@ -18,7 +18,7 @@ from wall.deepbuffer.kernels.reproject_rows import pixel_in
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 CHUNK = 64  # samples: first everything that they are compared with is fetched, which memory does for many at a time
-STRAY = np.float32(0.5)  # pixels: an eye so near a surface that float32 does not know which pixel shows what
+STRAY = np.float32(0.5)  # pixels: an eye so near a surface that float32 does not know how far it is
 LEAST_DEPTH = np.float32(1e-30)
 UNKNOWN_OBJECT = np.float32(-2.0)  # depth of a sample whose object does not exist
 # rows of a chunk: object-space position (X, Y, Z), then
