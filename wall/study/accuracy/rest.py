@@ -134,7 +134,8 @@ CASES = (
             name=f"rest_right_eye_{name}", family="Adaptive at rest", unit="share of pixels", bound=1e-4,
             reason="the same: samples of the moment shown count in the very pixels that they were traced for",
             scene=f"The lamp of radiance 1 for an eye {name.replace('_', ' ')} before the plane of a panel of 20 m, "
-            "and as near to the lamp as shows the same picture", measure=partial(right, 1.0, metres), size=16, small=small,
+            "and as near to the lamp as shows the same picture",
+            measure=partial(right, 1.0, metres), size=16, small=small,
         )
         for name, metres, small in (("1_mm", 1e-3, None), ("10_um", 1e-5, 10))
     ),
