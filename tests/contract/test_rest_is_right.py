@@ -31,6 +31,7 @@ REFERENCE_SPP = 2048
 OFF = 5.0  # 8-bit codes that no pixel is off by
 UNIFORM = 8  # times the samples that uniform sampling needs for the same error
 PATIENCE = 3000  # samples a pixel
+DOWN, ALONG = (0.0, 0.01, -1.0), (0.0, 1.0, -0.01)  # onto a surface and along it
 GREY = Sky(zenith=(0.2, 0.2, 0.2), horizon=(0.2, 0.2, 0.2), ground=(0.2, 0.2, 0.2))
 
 
@@ -72,8 +73,8 @@ def test_the_edge_of_a_lamp_is_right_and_complete(tmp_path: Path, compiled_only:
     assert np.sqrt(((shown - reference) ** 2).mean()) < np.sqrt(((uniform - reference) ** 2).mean())
 
 
-@pytest.mark.parametrize("height", [1e-6, 1e-9, 0.0])
-def test_an_eye_at_a_surface_sees_it(tmp_path: Path, compiled_only: None, height: float) -> None:
+@pytest.mark.parametrize(("height", "ahead"), [(1e-6, DOWN), (1e-9, DOWN), (0.0, DOWN), (1e-9, ALONG)])
+def test_an_eye_at_a_surface_sees_it(tmp_path: Path, compiled_only: None, height: float, ahead: Triple) -> None:
     """Where the surface is in float32, as seen from so near, does not say which pixel shows what; its own ray does."""
     rotation, at = turned("x", 37.0) @ turned("y", 23.0), np.array([1.3, 0.7, -2.1])
     matrix = np.eye(4)
@@ -84,8 +85,8 @@ def test_an_eye_at_a_surface_sees_it(tmp_path: Path, compiled_only: None, height
     light = PointLight(position=(x, y, z), intensity=(3.0, 3.0, 3.0))
     scene = scene_of([quad(2.0, 2.0, colors=colours)], [placed], lights=[light], sky=GREY)
     eye = at + rotation @ [0.31, 0.17, height]
-    ahead = eye + rotation @ [0.0, 0.01, -1.0]
-    plan = plan_of(tmp_path, scene, tuple(eye.tolist()), tuple(ahead.tolist()))
+    target = eye + rotation @ ahead
+    plan = plan_of(tmp_path, scene, tuple(eye.tolist()), tuple(target.tolist()))
 
     shown, _ = complete(plan)
 

@@ -100,6 +100,7 @@ class InstanceTrees:
             self.transforms,
             self.placements,
             self._extents,
+            self._tracer_scene.depth_scales,
             self._singular,
             OFFSET_ULPS,
         )

@@ -19,6 +19,7 @@ from wall.scene.model import Material, Mesh, PointLight, Shading, Sky, SpotLight
 from wall.scene.needs import Needs, needs
 from wall.scene.of_views import Way, way_of
 from wall.scene.sky import sky_irradiance
+from wall.tracing.coplanar import depth_scales
 from wall.tracing.embree import Device, Handle
 from wall.tracing.environment import environment_tables
 from wall.tracing.interface import interface_table
@@ -61,6 +62,7 @@ class TracerScene:
     vertices: Float32  # (v + 2, 3) of all triangle meshes, which Embree reads too
     meshes: tuple[Handle, ...]  # Embree scene of each instance's mesh, instance order
     extents: Float64  # (n,) radius of each instance's mesh about its origin
+    depth_scales: Float64  # (n,) of each instance about the eye; see coplanar
     surfaces: Surfaces  # whose meshes have no placements or eye_from_object, which are each Tracer's own
     materials: Materials
     emitters: Emitters | None
@@ -159,6 +161,7 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
         vertices=vertices,
         meshes=tuple(handles[k] for k in of_instance),
         extents=np.array(radii, np.float64)[of_instance],
+        depth_scales=depth_scales(scene),
         surfaces=surfaces,
         materials=_materials(*_material_rows(scene, wanted), wanted),
         emitters=None,

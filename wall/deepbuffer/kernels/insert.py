@@ -18,7 +18,7 @@ from wall.deepbuffer.kernels.reproject_rows import pixel_in
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 CHUNK = 64  # samples: first everything that they are compared with is fetched, which memory does for many at a time
-STRAY = np.float32(0.5)  # pixels: an eye so near a surface that float32 does not know which pixel shows what
+STRAY = np.float32(0.5)  # pixels: an eye so near a surface that float32 does not know how far it is
 LEAST_DEPTH = np.float32(1e-30)
 UNKNOWN_OBJECT = np.float32(-2.0)  # depth of a sample whose object does not exist
 # rows of a chunk: object-space position (X, Y, Z), then
@@ -114,7 +114,8 @@ def find_positions(samples, first, last, pose, panel_from_object, image_rows, sh
         if rules.of_shown_pose:
             own_u, own_v = sample["xy"][0] - rules.left, sample["xy"][1] - rules.top
             if not (abs(u - own_u) < STRAY and abs(v - own_v) < STRAY and depth > ZERO):
-                u, v, depth = own_u, own_v, max(sample["depth"], LEAST_DEPTH)
+                depth = max(sample["depth"], LEAST_DEPTH)
+            u, v = own_u, own_v
         rows[SCREEN_X, r], rows[SCREEN_Y, r] = u, v
         rows[SCREEN_DEPTH, r] = depth if u >= ZERO and v >= ZERO and u < right and v < bottom else OUTSIDE
 

@@ -86,13 +86,25 @@ def field_of_view(fov: float, count: int) -> Found:
     return came_back(view((0.0, 1.0, 6.0), (0.0, 0.0, 0.0), pixels=(480, 270), fov=fov), count)
 
 
-def near_the_panel(metres: float, count: int) -> Found:
-    """Largest error, pixels, for an eye so far before a panel's plane, beside the panel's middle."""
+def near_the_panel(metres: float, count: int) -> Back:
+    """`back_again` for an eye so far before a panel's plane, beside the panel's middle."""
     seen = view((0.0, 1.0, 6.0), (0.0, 0.0, 0.0), pixels=(480, 270))
     seen = replace(seen, eye=np.array([0.11, -0.07, metres]))
-    back = back_again(seen, hits_in(seen, count, 3.0, 9.0))
+    return back_again(seen, hits_in(seen, count, 3.0, 9.0))
+
+
+def pixels_off(metres: float, count: int) -> Found:
+    """Largest error, pixels."""
+    back = near_the_panel(metres, count)
     roundings = float((back.error / back.rounding).max())
     return Found(figure=float(back.error.max()), note=f"{roundings:.2g} roundings")
+
+
+def roundings_off(metres: float, count: int) -> Found:
+    """Largest error, roundings."""
+    back = near_the_panel(metres, count)
+    note = f"at most {back.error.max():.3g} pixels, where one rounding is up to {back.rounding.max():.3g}"
+    return Found(figure=float((back.error / back.rounding).max()), note=note)
 
 
 def thin_panel(count: int) -> Found:
@@ -172,14 +184,18 @@ CASES = (
         )
         for fov in (1.0, 45.0, 120.0, 170.0)
     ),
-    *(
-        Case(
-            name=f"eye_{name}_from_the_panel", family=_FAMILY, unit="pixels", bound=0.5,
-            reason="a stored sample has to stay in its pixel",
-            scene=f"The same for an eye {name.replace('_', ' ')} before the panel's plane",
-            measure=partial(near_the_panel, metres), size=5000, small=100,
-        )
-        for name, metres in (("1_mm", 1e-3), ("10_um", 1e-5))
+    Case(
+        name="eye_1_mm_from_the_panel", family=_FAMILY, unit="pixels", bound=0.5,
+        reason="a stored sample has to stay in its pixel",
+        scene="The same for an eye 1 mm before the panel's plane", measure=partial(pixels_off, 1e-3),
+        size=5000, small=100,
+    ),
+    Case(
+        name="eye_10_um_from_the_panel", family=_FAMILY, unit=_UNIT, bound=8.0,
+        reason="the same roundings; but at 89.999 degrees from the panel's axis a pixel is narrower than one rounding "
+        "of a direction: rays cannot tell such pixels apart, and stored samples move by some while the camera does",
+        scene="The same for an eye 10 um before the panel's plane", measure=partial(roundings_off, 1e-5),
+        size=5000, small=100,
     ),
     Case(
         name="thin_panel", family=_FAMILY, unit=_UNIT, bound=8.0, reason=_REASON,

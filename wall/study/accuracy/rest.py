@@ -16,6 +16,7 @@ from wall.core.data import Float64
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.run.single_process import SingleProcess
 from wall.study.accuracy.case import Case, Found, Picture, picture
+from wall.study.accuracy.scenes import turned
 from wall.tracing.tracer_scene import make_tracer_scene
 
 CONFIG = """\
@@ -25,11 +26,14 @@ scene:
   animation: []
   sky: {{zenith: [0.2, 0.2, 0.2], horizon: [0.2, 0.2, 0.2], ground: [0.2, 0.2, 0.2]}}
   materials: [{{object: "*", type: emission, radiance: [{radiance}, {radiance}, {radiance}]}}]
-wall: {{grid: {{columns: 1, rows: 1, pixels: [{edge}, {edge}], size: [0.3, 0.3]}}}}
-views: [{{camera: {{position: [0.13, 0.07, {height}], target: [0.13, 0.07, 0], fov: 40}}, refresh_hz: 30}}]
+wall: {{grid: {{columns: 1, rows: 1, pixels: [{edge}, {edge}], size: [20, 20]}}}}
+views: [{{camera: {{position: {position}, target: {target}, up: {up}}}, eye: [0, 0, {eye}], refresh_hz: 30}}]
 sampling: {{method: adaptive, samples_per_pixel: 2, samples_per_batch: 64}}
 """
-SQUARE = "o lamp\nv -0.9 -0.5 0\nv 0.6 -0.7 0\nv 0.8 0.5 0\nv -0.6 0.8 0\nf 1 2 3 4\n"
+SQUARE = np.array([[-0.9, -0.5, 0.0], [0.6, -0.7, 0.0], [0.8, 0.5, 0.0], [-0.6, 0.8, 0.0]])
+TURN = turned("x", 31.0) @ turned("y", 17.0)  # of all: positions round in every direction
+EYE = 10.0 / math.tan(math.radians(20.0))  # metres before a panel of 20 m: a field of view of 40 degrees
+AWAY = 3.0 / EYE  # of the square, times the eye's distance
 REFERENCE_SPP = 16_384
 AT_MOST = 8.0  # times the samples of uniform sampling
 GIVEN_UP = 16_384  # samples a pixel without being complete
@@ -38,17 +42,17 @@ WRONG = 5  # codes
 SMALL = {1.0: 6}  # pixels an edge in the test command, by radiance: the others take longer
 
 
-def lamp(edge: int, radiance: float) -> Plan:
-    """A square of a radiance before a sky of 0.2, seen from 3 units."""
-    return _plan(edge, radiance, 3.0)
-
-
 @cache
-def _plan(edge: int, radiance: float, height: float) -> Plan:
+def lamp(edge: int, radiance: float, eye: float) -> Plan:
+    """A square of a radiance before a sky of 0.2, from an eye so far before the panel, metres: always one picture."""
+    places = np.array([[0.13, 0.07, AWAY * eye], [0.13, 0.07, 0.0], [0.0, 1.0, 0.0]]) @ TURN.T
+    position, target, up = places.tolist()
+    vertices = [f"v {x!r} {y!r} {z!r}" for x, y, z in (SQUARE @ TURN.T).tolist()]
+    text = CONFIG.format(edge=edge, radiance=radiance, eye=eye, position=position, target=target, up=up)
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "square.obj").write_text(SQUARE, encoding="utf-8")
+        (Path(folder) / "square.obj").write_text("\n".join(["o lamp", *vertices, "f 1 2 3 4", ""]), encoding="utf-8")
         path = Path(folder) / "wall.yaml"
-        path.write_text(CONFIG.format(edge=edge, radiance=radiance, height=height), encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
         return make_plan(make_layout(load(path)))
 
 
@@ -60,9 +64,9 @@ def _rendered(plan: Plan, spp: int, seed: int) -> Float64:
 
 
 @cache
-def _ended(radiance: float, edge: int) -> tuple[Found, Found]:
+def _ended(radiance: float, eye: float, edge: int) -> tuple[Found, Found]:
     """How soon it ends, over uniform sampling; and the share of pixels that are wrong then."""
-    plan = lamp(edge, radiance)
+    plan = lamp(edge, radiance, eye)
     reference = _rendered(plan, REFERENCE_SPP, 7)
     codes = srgb_codes(reference).astype(float)
     wall, quiet = SingleProcess(plan, make_tracer_scene(plan.scene)), 0
@@ -92,33 +96,47 @@ def _rmse(a: np.ndarray, b: np.ndarray) -> float:
     return math.sqrt(float(((a.astype(float) - b) ** 2).mean()))
 
 
-def soon(radiance: float, edge: int) -> Found:
+def soon(radiance: float, eye: float, edge: int) -> Found:
     """Samples until it is complete, over those that uniform sampling needs."""
-    return _ended(radiance, edge)[0]
+    return _ended(radiance, eye, edge)[0]
 
 
-def right(radiance: float, edge: int) -> Found:
+def right(radiance: float, eye: float, edge: int) -> Found:
     """Share of pixels that are off by more than WRONG codes when it is complete."""
-    return _ended(radiance, edge)[1]
+    return _ended(radiance, eye, edge)[1]
 
 
-CASES = tuple(
-    case
-    for radiance in (1.0, 4.0, 10.0)
-    for case in (
+_RIGHT = (
+    f"a picture that says it is complete is the reference of {REFERENCE_SPP:,} samples a pixel; {WRONG} codes are what "
+    "a viewer may see at an edge"
+)
+CASES = (
+    *(
+        case
+        for radiance in (1.0, 4.0, 10.0)
+        for case in (
+            Case(
+                name=f"rest_ends_{radiance:g}", family="Adaptive at rest", unit="times uniform", bound=AT_MOST,
+                reason="a still view has to end; samples that are to go where they are needed may be at most eight "
+                "times those that uniform sampling needs for the same error",
+                scene=f"The edge of a lamp of radiance {radiance:g} before a sky of 0.2",
+                measure=partial(soon, radiance, EYE), size=16, small=SMALL.get(radiance),
+            ),
+            Case(
+                name=f"rest_right_{radiance:g}", family="Adaptive at rest", unit="share of pixels", bound=1e-4,
+                reason=_RIGHT, scene="The same; pixels that are off by more than 5 codes of 8 bits",
+                measure=partial(right, radiance, EYE), size=16, small=SMALL.get(radiance),
+            ),
+        )
+    ),
+    *(
         Case(
-            name=f"rest_ends_{radiance:g}", family="Adaptive at rest", unit="times uniform", bound=AT_MOST,
-            reason="a still view has to end; samples that are to go where they are needed may be at most eight times "
-            "those that uniform sampling needs for the same error",
-            scene=f"The edge of a lamp of radiance {radiance:g} before a sky of 0.2", measure=partial(soon, radiance),
-            size=16, small=SMALL.get(radiance),
-        ),
-        Case(
-            name=f"rest_right_{radiance:g}", family="Adaptive at rest", unit="share of pixels", bound=1e-4,
-            reason=f"a picture that says it is complete is the reference of {REFERENCE_SPP:,} samples a pixel; {WRONG} "
-            "codes are what a viewer may see at an edge",
-            scene="The same; pixels that are off by more than 5 codes of 8 bits", measure=partial(right, radiance),
-            size=16, small=SMALL.get(radiance),
-        ),
-    )
+            name=f"rest_right_eye_{name}", family="Adaptive at rest", unit="share of pixels", bound=1e-4,
+            reason="the same: samples of the moment shown count in the very pixels that they were traced for",
+            scene=f"The lamp of radiance 1 for an eye {name.replace('_', ' ')} before the plane of a panel of 20 m, "
+            "and as near to the lamp as shows the same picture",
+            measure=partial(right, 1.0, metres), size=16, small=small,
+        )
+        for name, metres, small in (("1_mm", 1e-3, None), ("10_um", 1e-5, 10))
+    ),
 )  # fmt: skip

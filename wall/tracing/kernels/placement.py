@@ -14,7 +14,9 @@ HALF_ULP = 2.0**-24  # largest relative error of one float32 rounding
 
 
 @kernel
-def place_instances(world_from_object, eye, moved, geometries, transforms, placements, extents, singular, ulps):
+def place_instances(
+    world_from_object, eye, moved, geometries, transforms, placements, extents, scales, singular, ulps
+):
     """Places instances relative to the eye; the trees that they are in are to be committed then.
 
     Parameters
@@ -26,21 +28,20 @@ def place_instances(world_from_object, eye, moved, geometries, transforms, place
     transforms : (n, 12) float32, row major 3x4 eye_from_object, written
     placements : (n, 12) float32, written; see Surfaces
     extents : (n,) float64, mesh radius in object space
+    scales : (n,) float64, about the eye; see coplanar.depth_scales
     singular : (n,) bool, written: the matrix has no inverse, so that normals are left unrotated
     ulps : float, how many float32 roundings a secondary ray's start is off the surface; see surface.finish_surfaces
     """
     for k in moved:
-        m = world_from_object[k]
-        a, b, c = m[0, 0], m[0, 1], m[0, 2]
-        d, e, f = m[1, 0], m[1, 1], m[1, 2]
-        g, h, i = m[2, 0], m[2, 1], m[2, 2]
-        x, y, z = m[0, 3] - eye[0], m[1, 3] - eye[1], m[2, 3] - eye[2]
-        for row in range(3):
-            for column in range(3):
-                transforms[k, 4 * row + column] = m[row, column]
-        transforms[k, 3] = x
-        transforms[k, 7] = y
-        transforms[k, 11] = z
+        m, s = world_from_object[k], scales[k]
+        a, b, c = s * m[0, 0], s * m[0, 1], s * m[0, 2]
+        d, e, f = s * m[1, 0], s * m[1, 1], s * m[1, 2]
+        g, h, i = s * m[2, 0], s * m[2, 1], s * m[2, 2]
+        x, y, z = s * (m[0, 3] - eye[0]), s * (m[1, 3] - eye[1]), s * (m[2, 3] - eye[2])
+        row = transforms[k]
+        row[0], row[1], row[2], row[3] = a, b, c, x
+        row[4], row[5], row[6], row[7] = d, e, f, y
+        row[8], row[9], row[10], row[11] = g, h, i, z
         # the cofactor matrix is the inverse transpose times the determinant; the sign keeps mirrored instances right
         c0, c1, c2 = e * i - f * h, f * g - d * i, d * h - e * g
         determinant = a * c0 + b * c1 + c * c2
