@@ -133,7 +133,8 @@ def _render(
 
         renderer, tracers = make(plan, tracer_scene, None)
         succession = Succession(rank, preparer, make)
-        loop = Loop(renderer, ports, clock, tracers=tracers, sources=sources, succession=succession, turns=turns)
+        loop = Loop(renderer, ports, clock, tracers=tracers, sources=sources, succession=succession)
+        loop.turns = turns
         closing.callback(loop.close)
         loop.run()
 
