@@ -20,13 +20,17 @@ class MetricsServer:
         port: int,
         *,
         tokens: bool = False,
+        steer_token: str = "",
         watch_token: str = "",
         tls: tuple[Path, Path] | None = None,
     ) -> None:
         """See Browser. Raises RunError naming what cannot be had."""
         self._status: Status | None = None
-        self._server = Server(host, port, tokens=tokens, watch_token=watch_token, tls=tls)
+        self._server = Server(
+            host, port, tokens=tokens, steer_token=steer_token, watch_token=watch_token, tls=tls
+        )  # fmt: skip
         where = self._server.start({"/metrics": self._metrics, "/status.json": self._status_json})
+        self.tokens = self._server.gate.tokens
         self.address = f"{where}metrics{self._server.gate.queries[1]}"
 
     def tell(self, status: Status) -> None:

@@ -12,7 +12,7 @@ import json
 import math
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from fnmatch import fnmatchcase
 from typing import Any, TypeAlias
 
@@ -69,9 +69,15 @@ class Editor:
         self._count += 1
         self.edits = Edits(self._count, tuple(sorted(kept.items()))) if kept else NO_EDITS
 
-    def inherit(self, edits: Edits, picture: Mapping[str, Numbers], count: int) -> None:
-        """Go on from another editor's edits, which cannot be undone any more. `count`: a new number."""
+    def inherit(
+        self, edits: Edits, picture: Mapping[str, Numbers], count: int, answers: Sequence[EditAnswer] = ()
+    ) -> None:
+        """Go on from another editor's edits, which cannot be undone any more. `count`: a new number.
+
+        `answers`: its `answers`.
+        """
         self._count, self.picture = count, dict(picture)
+        self._answered = {answer.client: answer for answer in answers}
         self.edits = Edits(count, edits.values) if edits.values else NO_EDITS
 
     def check_key(self, request: EditRequest | JoinRequest) -> None:
@@ -84,6 +90,11 @@ class Editor:
     def count(self) -> int:
         """Number of the newest edit."""
         return self._count
+
+    @property
+    def answers(self) -> tuple[EditAnswer, ...]:
+        """The newest to each client, without the parameters that it listed."""
+        return tuple(replace(answer, parameters=[], left_out=0) for answer in self._answered.values())
 
     @property
     def can_undo(self) -> bool:
@@ -170,7 +181,8 @@ class Editor:
         `steer`: does its commands, or raises EditError.
         """
         if self.has_answered(request):
-            return self._answered[request.client]
+            known = self._answered[request.client]
+            return known if known.parameters or not request.listed else self._listing(known, request, scene_time)
         answer = self._answer(request, scene_time, now, steer)
         self._answered.pop(request.client, None)
         self._answered[request.client] = answer
@@ -192,12 +204,14 @@ class Editor:
         except EditError as error:
             self.counters["refused_edit"] += 1
             refused = str(error)
-        wanted = {} if refused or not request.listed else _named_like(request.listed, self.parameters)
+        answer = EditAnswer(client=request.client, number=request.number, refused=refused, edit=self._count)
+        return self._listing(answer, request, scene_time)
+
+    def _listing(self, answer: EditAnswer, request: EditRequest, scene_time: float) -> EditAnswer:
+        """An answer with the parameters that are to be listed, unless it refuses."""
+        wanted = {} if answer.refused or not request.listed else _named_like(request.listed, self.parameters)
         rows = _with_room([asdict(state) for state in self.states(scene_time, wanted)])
-        return EditAnswer(
-            client=request.client, number=request.number, refused=refused, edit=self._count, parameters=rows,
-            left_out=len(wanted) - len(rows),
-        )  # fmt: skip
+        return replace(answer, parameters=rows, left_out=len(wanted) - len(rows))
 
     def states(self, scene_time: float, wanted: Mapping[str, Parameter] | None = None) -> tuple[ParameterState, ...]:
         """Parameters as they are at a scene time in seconds; `wanted`: None: all."""

@@ -17,7 +17,7 @@ from wall.core.data import Event
 from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import parse
-from wall.packets.control import EditRequest, Heartbeat, Hello, Prepared, Statistics, Stop, WindowInput
+from wall.packets.control import EditRequest, Heartbeat, Hello, Prepared, Selection, Statistics, Stop, WindowInput
 from wall.packets.joining import JoinRequest, Leave
 from wall.packets.notes import REFUSED, Note, note_of
 from wall.roles.balance import Balancer
@@ -85,11 +85,11 @@ class Manager:
         self.counters, self.configurations = Counter[str](), 1  # that the run has had
         self._seconds, self._until_complete = seconds, until_complete
         self.directors: list[Director] = []
-        self._reloading = Reloading(plan, fixed=fixed)
+        self.reloading = Reloading(plan, fixed=fixed)
         self.register, self.joining = Register(layout.size, now), Joining(fixed)
         self.editor, self._edited = Editor(plan, key=key), False  # whether an event is to tell of it
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
-        self.taken, self._commands = EditsTaken(), Commands()
+        self.taken, self.commands = EditsTaken(), Commands()
         self._update_due, self._repeat_due = now, now
         self._input_due = now  # when what comes in is told of at once again
         self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
@@ -117,7 +117,7 @@ class Manager:
         """Know of places beyond the configuration's."""
         self._layout = grown(plan.layout, self.joining.extra)
         self.plan = plan if self._layout is plan.layout else replace(plan, layout=self._layout)
-        self._reloading.grow(self.plan)
+        self.reloading.grow(self.plan)
         if self.balancer is not None:
             self.balancer.grow(self._layout)
 
@@ -126,11 +126,11 @@ class Manager:
         self.counters = self.dropped() - self.editor.counters
         self.heartbeats = {rank: beat for rank, beat in self.heartbeats.items() if beat.configuration == plan.number}
         self.configurations += 1
-        self._commands, self._complete_since, self._released = Commands(), None, (-1, -1)
+        self.commands, self._complete_since, self._released = Commands(), None, (-1, -1)
         self._take(replace(plan, since=self.since), now)
         self.editor.adopt(self.plan)
         self._edited, self._repeat_due = True, now
-        yield from self._reloading.answer(self.editor.count)
+        yield from self.reloading.answer(self.editor.count)
 
     @property
     def since(self) -> int:
@@ -140,7 +140,7 @@ class Manager:
     @property
     def newest_plan(self) -> Plan:
         """What a rank has to know that starts now: also while others go over to it."""
-        coming = self._reloading.coming
+        coming = self.reloading.coming
         return self.plan if coming is None else replace(coming, since=self.since)
 
     @property
@@ -150,7 +150,7 @@ class Manager:
 
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in messages of ranks, input of users, news of the launcher."""
-        selection = self._commands.selection
+        selection = self.commands.selection
         try:
             if isinstance(message, Hello | SignOfLife | Note | Prepared):
                 self._check_rank(message.rank)
@@ -158,10 +158,12 @@ class Manager:
                 self.joining.check(message)
                 if self.register.take(message, now):
                     self._succeed(message.rank, now)
-                for director in () if self._reloading.adopting else self.directors:  # who joins late gets the state
+                for director in () if self.reloading.adopting else self.directors:  # who joins late gets the state
                     yield Send(message.rank, director.event)
                 if self.balancer is not None:
                     yield Send(message.rank, self.balancer.assignment)
+                if message.rank == HEAD and self.commands.selection != Selection():
+                    yield Send(HEAD, self.commands.selection)
                 if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
                     yield Send(message.rank, Stop(reason=self.ended))
             elif isinstance(message, SignOfLife):
@@ -177,16 +179,16 @@ class Manager:
                 self.register.news.append(message)
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
-            elif isinstance(message, EditRequest) and self._reloading.takes(message, self.editor):
-                yield from self._reloading.load(message, self.editor, now)
+            elif isinstance(message, EditRequest) and self.reloading.takes(message, self.editor):
+                yield from self.reloading.load(message, self.editor, now)
             elif isinstance(message, Changed):
-                yield from self._reloading.save(Asked(text=message.text, path=message.path), now)
+                yield from self.reloading.save(Asked(text=message.text, path=message.path), now)
             elif isinstance(message, PlanMade):
-                yield from self._reloading.made(message, now)
+                yield from self.reloading.made(message, now)
             elif isinstance(message, Prepared):
-                yield from self._reloading.prepared(message)
+                yield from self.reloading.prepared(message)
             elif isinstance(message, JoinRequest):
-                busy = self._reloading.busy
+                busy = self.reloading.busy
                 yield from self.joining.answer(message, self.editor, self.plan, self.register, busy=busy, now=now)
                 self._grow(self.plan)
             elif isinstance(message, Invitation):
@@ -194,13 +196,13 @@ class Manager:
             elif isinstance(message, Leave):
                 self.register.leave(message.rank, now)
             elif isinstance(message, EditRequest):
-                steer = partial(self._commands.take_asked, plan=self.plan, directors=self.directors, now=now)
+                steer = partial(self.commands.take_asked, plan=self.plan, directors=self.directors, now=now)
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now, steer))
                 self._edited = True
             elif isinstance(message, Died):
                 self.register.bury(message, now)
                 if message.again:
-                    self._reloading.forget(message.rank)
+                    self.reloading.forget(message.rank)
             elif isinstance(message, End):
                 self.ended = self.ended or message.reason
             elif isinstance(message, TrackerPacket):
@@ -212,15 +214,15 @@ class Manager:
         except RemoteProtocolError:
             self.counters["bad_message"] += 1
         except EditError as error:
-            self._reloading.said = str(error)
-        if self._commands.selection != selection:
-            yield Send(HEAD, self._commands.selection)
+            self.reloading.said = str(error)
+        if self.commands.selection != selection:
+            yield Send(HEAD, self.commands.selection)
         self.due = now
 
     def _succeed(self, rank: int, now: float) -> None:
         """Another process is that rank now."""
         self.counters += Counter(last.dropped if (last := self.heartbeats.pop(rank, None)) else {})
-        self._reloading.forget(rank)
+        self.reloading.forget(rank)
         if self.balancer is not None and self.register.came(rank):
             self.balancer.hasten(now)
 
@@ -237,10 +239,10 @@ class Manager:
         for command in message.commands:
             try:
                 parsed = parse(command)
-                if parsed.kind == "undo" and self._reloading.can_undo and not self.editor.can_undo:
-                    yield from self._reloading.undo(now)
+                if parsed.kind == "undo" and self.reloading.can_undo and not self.editor.can_undo:
+                    yield from self.reloading.undo(now)
                 else:
-                    self._edited |= self._commands.take(parsed, self.editor, self.directors, now)
+                    self._edited |= self.commands.take(parsed, self.editor, self.directors, now)
             except RemoteProtocolError:
                 self.counters["bad_command"] += 1
             except EditError as error:
@@ -249,7 +251,7 @@ class Manager:
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Publish events, notice lost ranks, end the run in its steps."""
-        said, self._reloading.said = self._reloading.said, ""
+        said, self.reloading.said = self.reloading.said, ""
         yield from self.register.tell(said)
         if self._phase is Phase.RUNNING:
             self._watch(now)
@@ -258,10 +260,10 @@ class Manager:
         if self._phase in (Phase.RUNNING, Phase.HOLDING):
             yield from self.register.on_tick(now)
             excused = {rank for rank in self.lost if self.register.excused(rank)}
-            yield from self._reloading.on_tick(now, self.since, excused)
-            if (plan := self._reloading.adopted(self.heartbeats, now, self.lost)) is not None:
+            yield from self.reloading.on_tick(now, self.since, excused)
+            if (plan := self.reloading.adopted(self.heartbeats, now, self.lost)) is not None:
                 yield from self._adopt(plan, now)
-            if not self._reloading.adopting:
+            if not self.reloading.adopting:
                 yield from self._publish(now)
         if self._phase is Phase.RUNNING and self.balancer is not None:
             numbers = tuple(event.number for event in self.events)
@@ -290,7 +292,7 @@ class Manager:
         if wanted and self._came:  # what follows at once shares the next update
             self._input_due = now + self._tick_s
         self._edited = self._edited and not wanted
-        commands = self._commands.taken() if wanted or not running else []
+        commands = self.commands.taken() if wanted or not running else []
         editor, before = self.editor, self._shown_event.scene_event
         for director in self.directors:
             if wanted:
@@ -312,7 +314,7 @@ class Manager:
     @property
     def _came(self) -> bool:
         """Whether something came in that no event tells of."""
-        return bool(self._commands.waiting) or self._edited
+        return bool(self.commands.waiting) or self._edited
 
     @property
     def events(self) -> list[Event]:

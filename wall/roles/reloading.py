@@ -62,6 +62,16 @@ class Asked:
             yield Send(self.client, answer)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reloads:
+    """What a manager leaves to the next one of the configurations that it was asked for."""
+
+    number: int  # of the newest one, adopted or not
+    client: int  # of the newest request; then its number
+    request: int
+    answers: tuple[Send, ...]  # to it; (): it was not done
+
+
 class Reloading:
     """One reload at a time: `ask` for it, hear of plans and ranks, `on_tick` leads it through its stages."""
 
@@ -87,6 +97,23 @@ class Reloading:
     def busy(self) -> bool:
         """Whether another configuration is under way."""
         return self._stage is not Stage.NONE
+
+    def left(self, edit: int) -> Reloads:
+        """What the next manager has to know; `edit`: number of the newest edit.
+
+        What ranks go over to is adopted by then.
+        """
+        answers = self._asked.answer(edit=edit) if self.adopting else self._answered
+        return Reloads(
+            number=self._number, client=self._asked.client, request=self._asked.request, answers=tuple(answers)
+        )
+
+    def inherit(self, left: Reloads, number: int) -> None:
+        """Go on from another one's reloads; `number`: beyond all that ranks may have heard of."""
+        self._number = number
+        if left.answers:  # the same request is answered again; another one is tried again
+            self._asked = Asked(text="", path="", client=left.client, request=left.request)
+            self._answered = list(left.answers)
 
     @property
     def coming(self) -> Plan | None:

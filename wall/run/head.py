@@ -161,7 +161,7 @@ class HeadProcess:
         log = ImageLog(options.images) if options.images is not None else None
         if log is not None:
             closing.later(log.close)
-        metrics = make_metrics_server(plan)
+        metrics = make_metrics_server(plan, before.where.metrics if before is not None else None)
         if metrics is not None:
             closing.later(metrics.close)
             say(f"note: metrics at {metrics.address}")
@@ -203,7 +203,9 @@ class HeadProcess:
         page = browser.address if browser else ""
         if standby is not None:
             page_at = PageAt(page, browser.tokens) if browser else None
-            sources.append(partial(self._leave, standby, Where(json.dumps(address), control.endpoint, page_at)))
+            metrics_at = PageAt(metrics.address, metrics.tokens) if metrics is not None else None
+            where = Where(json.dumps(address), control.endpoint, page_at, metrics_at)
+            sources.append(partial(self._leave, standby, where))
         if options.watch:
             sources.append(FileWatch(plan.layout.loaded.path).changes)
         managing = ManagerThread(
@@ -233,7 +235,9 @@ class HeadProcess:
         """Write down what the next head needs, should this one die."""
         assert self._manager is not None
         manager = self._manager
-        standby.leave(lambda before: Estate(where=where, legacy=legacy_of(manager, before)))
+        lacks = standby.leave(lambda before: Estate(where=where, legacy=legacy_of(manager, before)))
+        if lacks:
+            manager.register.news.append(note_of(HEAD, "warning", lacks))
         return ()
 
     def _reachable(self, endpoint: str, key: str, page: str) -> AbstractContextManager[None]:

@@ -65,12 +65,11 @@ class Loop:
         shown: OnShown | None = None,
         succession: Succession | Preparer | None = None,
         used: Callable[[], Usage] = usage,
-        turns: Turns | None = None,
     ) -> None:
         """`tracers` execute Trace, `sinks` take what is shown; after them `shown` is told of it, too.
 
         `sources` are asked at least every `longest_wait_s`. `succession`: of a rank, or what prepares for the manager;
-        None: the configuration stays. `turns`: a renderer takes with others; None: it goes on as it can.
+        None: the configuration stays.
         """
         self.role, self.finished = role, False
         self._succession, self._membership = succession, Membership()
@@ -78,7 +77,8 @@ class Loop:
         self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
         self._sample_sinks = [sink for sink in sinks if isinstance(sink, TakesSamples)]
         self._tellers = [sink for sink in sinks if isinstance(sink, TellsStatus)]
-        self._sources, self._longest_wait_s, self._turns = sources, longest_wait_s, turns
+        self._sources, self._longest_wait_s = sources, longest_wait_s
+        self.turns: Turns | None = None  # that a renderer takes with others; None: it goes on as it can
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
         """Turn until the role finishes, or `alive` does not hold. Raises RunError where the role ends by a failure."""
@@ -101,17 +101,17 @@ class Loop:
 
     def _take_turn(self) -> None:
         """Turn once, alone among those who share `turns`."""
-        if self._turns is None:
+        if self.turns is None:
             self.turn()
             return
-        self._turns.begin()
+        self.turns.begin()
         try:
             self.turn()
         except BaseException:
-            self._turns.end()
+            self.turns.end()
             raise
         hurries = isinstance(self.role, Renderer) and self.role.hurries
-        self._turns.end(hold=hurries and not self.finished)
+        self.turns.end(hold=hurries and not self.finished)
 
     def close(self) -> None:
         """End the threads that trace."""

@@ -12,13 +12,13 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from wall.config.loading import dump
 from wall.core.clock import Clock
 from wall.core.data import Batch
 from wall.display.base import Sink
 from wall.packets.control import Hello
 from wall.roles.composition import RunAll, one_by_one
 from wall.roles.compositor import Compositor
+from wall.roles.config_edits import text_of
 from wall.roles.instructions import Role, Trace
 from wall.roles.plan import HEAD, Plan
 from wall.roles.renderer import Renderer
@@ -86,7 +86,7 @@ def told_again(address: Mapping[str, str], plan: Plan, *, life: int) -> str:
     told: dict[str, object] = {**address, "life": life}
     if plan.number:
         loaded = plan.layout.loaded
-        told |= {"number": plan.number, "since": plan.since, "text": dump(loaded.config), "path": str(loaded.path)}
+        told |= {"number": plan.number, "since": plan.since, "text": text_of(loaded.config), "path": str(loaded.path)}
     return json.dumps(told)
 
 
@@ -133,7 +133,8 @@ def _render(
 
         renderer, tracers = make(plan, tracer_scene, None)
         succession = Succession(rank, preparer, make)
-        loop = Loop(renderer, ports, clock, tracers=tracers, sources=sources, succession=succession, turns=turns)
+        loop = Loop(renderer, ports, clock, tracers=tracers, sources=sources, succession=succession)
+        loop.turns = turns
         closing.callback(loop.close)
         loop.run()
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PageAt:
-    """Where a page is served, and what lets steer it, or watch."""
+    """Where a page is served, or metrics are, and what lets steer it, or watch."""
 
     address: str
     tokens: tuple[str, str]
@@ -63,10 +63,8 @@ def make_sinks(
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
-            served, access = output.browser, _access(layout.loaded)
-            port = served.port if page is None else urlsplit(page.address).port or served.port
-            if page is not None:
-                access |= dict(zip(("steer_token", "watch_token"), page.tokens, strict=True))
+            served, access = output.browser, _access(layout.loaded, page)
+            port = _port(served.port, page)
             folder = layout.loaded.folder
             sink = browser = Browser(
                 served.host, port, layout.wall, embed=served.embed, load=served.load, folder=folder, **access
@@ -82,24 +80,38 @@ def import_page(plan: Plan) -> None:
         import wall.display.browser  # noqa: F401
 
 
-def make_metrics_server(plan: Plan) -> MetricsServer | None:
-    """What serves metrics at a port of their own; None where none is wanted. Raises RunError where that cannot be."""
+def make_metrics_server(plan: Plan, before: PageAt | None = None) -> MetricsServer | None:
+    """What serves metrics at a port of their own; None where none is wanted. Raises RunError where that cannot be.
+
+    `before`: where they were before.
+    """
     output = plan.layout.config.output
     if output.metrics is None:
         return None
     from wall.display.metrics_server import MetricsServer  # and aiohttp, see above
 
-    return MetricsServer(output.browser.host, output.metrics, **_access(plan.layout.loaded))
+    port = _port(output.metrics, before)
+    return MetricsServer(output.browser.host, port, **_access(plan.layout.loaded, before))
 
 
-def _access(loaded: Loaded) -> dict[str, Any]:
-    """Who gets in at the page and at metrics: options of both."""
+def _port(port: int, before: PageAt | None) -> int:
+    """Where to serve what was served `before`: there again."""
+    return port if before is None else urlsplit(before.address).port or port
+
+
+def _access(loaded: Loaded, before: PageAt | None) -> dict[str, Any]:
+    """Who gets in at the page and at metrics: options of both. `before`: as there."""
     from wall.display.gate import token_in
 
     page, folder = loaded.config.output.browser, loaded.folder
+    if before is not None:
+        steer, watch = before.tokens
+    else:
+        steer, watch = "", "" if page.watch_token is None else token_in(folder / page.watch_token)
     return {
         "tokens": page.tokens,
-        "watch_token": "" if page.watch_token is None else token_in(folder / page.watch_token),
+        "steer_token": steer,
+        "watch_token": watch,
         "tls": None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key),
     }
 

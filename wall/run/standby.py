@@ -16,8 +16,9 @@ import struct
 import sys
 import time
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from types import FrameType
@@ -29,7 +30,7 @@ from wall.roles.plan import HEAD
 from wall.run.bootstrap_local import STOP_WAIT_S, LocalBootstrap, as_rank
 from wall.run.children import Children, belong_to, how_ended
 from wall.run.control_file import new_key
-from wall.run.endings import REASONS
+from wall.run.endings import REASONS, leave_to_head
 from wall.run.sinks import PageAt
 from wall.transport.curve import Keys
 
@@ -79,6 +80,7 @@ class Where:
     address: str  # as ranks were told
     endpoint: str  # of the manager
     page: PageAt | None
+    metrics: PageAt | None  # at a port of their own
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +101,7 @@ class StandbyBootstrap:
         self.size, self.keys, self.key, self.how = size, keys, key, how
         self._pipe, self._state, self._due = pipe, state, 0.0
         self._left: Legacy | None = None
+        self._fits = True  # what was left last
         self._ended: dict[int, str] = {}
         self._finished = False
         data = state.read() if how else None
@@ -111,14 +114,22 @@ class StandbyBootstrap:
         self._say("address", text)
         return text
 
-    def leave(self, estate: Callable[[Legacy | None], Estate]) -> None:
-        """Write down what the next head needs, if that is due; `estate` is told what was written before."""
+    def leave(self, estate: Callable[[Legacy | None], Estate]) -> str:
+        """Write down what the next head needs, if that is due; `estate` is told what was made before.
+
+        Returns what a user should know of it, once.
+        """
         now = time.monotonic()
-        if now >= self._due and not self._finished:
-            self._due = now + WRITE_S
-            left = estate(self._left)
-            self._left = left.legacy
-            self._state.write(pickle.dumps(left))
+        if now < self._due or self._finished:
+            return ""
+        self._due = now + WRITE_S
+        left = estate(self._left)
+        self._left = left.legacy
+        data, fitted = pickle.dumps(left), self._fits
+        self._fits = self._state.write(data)
+        if self._fits or not fitted:
+            return ""
+        return f"another head would go on where there was room last: {len(data)} bytes; wanted: {MOST_BYTES} at most"
 
     def dead(self) -> dict[int, str]:
         """Ranks that have ended badly: how."""
@@ -166,7 +177,7 @@ class Stand(Generic[T]):
         self._size, self._head = size, head
         keys: Sequence[Keys | None] = Keys.of_all(size) if encrypted else [None] * size
         self._keys, self._key = keys, new_key()
-        self._children, self._state = Children(as_rank(size, main), keys), SharedState()
+        self._children, self._state = Children(as_rank(size, partial(_be_rank, main)), keys), SharedState()
         self._writers: dict[int, Connection] = {}  # to ranks that were not told the address yet
         self._pipe: Connection | None = None
         self._ended: dict[int, str] = {}  # ranks, badly, and not started again since
@@ -174,19 +185,21 @@ class Stand(Generic[T]):
         self._deaths: list[float] = []  # of heads
         self._came: T | WallError | None = None
         self._before: dict[signal.Signals, Any] = {}
+        self._told: int | None = None  # the signal that is to end the run
 
     def run(self) -> T:
         """Run the wall. Raises what a head has raised, and RunError for one that died for good."""
         for stream in filter(None, (sys.stdout, sys.stderr)):
             stream.flush()
-        self._before = {number: signal.signal(number, signal.SIG_IGN) for number in REASONS}
         try:
-            for rank in range(1, self._size):
-                self._writers[rank] = self._children.fork(rank, list(self._writers.values()))
-            self._begin("")
-            for number in REASONS:
-                if self._before[number] is not signal.SIG_IGN:
-                    signal.signal(number, self._pass_on)
+            with _later():
+                self._before = {number: signal.signal(number, self._pass_on) for number in REASONS}
+                for number, handler in self._before.items():
+                    if handler is signal.SIG_IGN:
+                        signal.signal(number, handler)
+                for rank in range(1, self._size):
+                    self._writers[rank] = self._children.fork(rank, list(self._writers.values()))
+                self._begin("")
             while self._children.processes:
                 self._turn()
         finally:
@@ -203,13 +216,16 @@ class Stand(Generic[T]):
         ours, its = Pipe()
         others = [ours, *self._writers.values(), *filter(None, [self._pipe])]
         args = (self._size, its, self._keys[HEAD], self._state, self._key, how)
-        self._children.start(HEAD, _be_head, args, others, self._head, os.getpid(), self._before)
+        with _later():  # what would end the run finds this head
+            self._children.start(HEAD, _be_head, args, others, self._head, os.getpid(), self._before)
         its.close()
         if self._pipe is not None:
             self._pipe.close()
         self._pipe = ours
         for rank, ended in self._ended.items():
             self._tell("ended", rank, ended)
+        if self._told is not None:  # while there was no head
+            self._pass_on(self._told, None)
 
     def _turn(self) -> None:
         left = None if self._limit is None else max(0.0, self._limit - time.monotonic())
@@ -244,7 +260,8 @@ class Stand(Generic[T]):
 
     def _fork(self, rank: int, text: str) -> None:
         try:
-            writer = self._children.fork(rank, list(filter(None, [self._pipe])))
+            with _later():
+                writer = self._children.fork(rank, list(filter(None, [self._pipe])))
         except OSError as error:  # no memory, or no process left
             self._ended[rank] = f"could not be started: {error}"
             self._tell("ended", rank, self._ended[rank])
@@ -278,7 +295,10 @@ class Stand(Generic[T]):
         now = time.monotonic()
         self._deaths = [time_of for time_of in self._deaths if now - time_of < WITHIN_S]
         may = how.startswith("signal") and self._limit is None and len(self._deaths) < MOST_HEADS
-        if may and self._state.read() is not None:
+        told = next((number for number in REASONS if number == self._told or how == how_ended(-number)), None)
+        if told is not None:
+            self._outcome(RunError(f"{REASONS[told]} before a head could end the run in order ({how})"))
+        elif may and self._state.read() is not None:
             self._deaths.append(now)
             self._begin(f"died ({how})")
         else:
@@ -291,9 +311,27 @@ class Stand(Generic[T]):
 
     def _pass_on(self, number: int, frame: FrameType | None) -> None:
         """A signal that is to end the run is the head's."""
+        self._told = number
         if (pid := self._children.processes.get(HEAD)) is not None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, number)
+
+
+@contextlib.contextmanager
+def _later() -> Iterator[None]:
+    """While inside, what would end the run waits."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, REASONS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _be_rank(main: Callable[[LocalBootstrap], None], bootstrap: LocalBootstrap) -> None:
+    """A forked rank: the head tells it to end."""
+    leave_to_head()
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, REASONS)
+    main(bootstrap)
 
 
 def _be_head(
@@ -306,6 +344,7 @@ def _be_head(
         signal.signal(number, handler)
     bootstrap = StandbyBootstrap(*args)
     try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, REASONS)
         came = head(bootstrap)
     except WallError as error:
         came = (ConfigError if isinstance(error, ConfigError) else RunError)(str(error))

@@ -2,7 +2,25 @@
 
 from __future__ import annotations
 
-from wall.run.standby import MOST_BYTES, SharedState
+import os
+import signal
+import time
+from contextlib import closing
+from multiprocessing import Pipe
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from manager_run import TEXT, plan_of
+
+from wall.core.errors import RunError
+from wall.run.sinks import PageAt, make_metrics_server
+from wall.run.standby import MOST_BYTES, SharedState, Stand, StandbyBootstrap
+
+
+def left(text: str = "") -> Any:
+    """What a head leaves, as far as nobody looks into it."""
+    return SimpleNamespace(legacy=text)
 
 
 def test_the_newest_bytes_that_were_written_to_their_end_are_read() -> None:
@@ -18,3 +36,57 @@ def test_the_newest_bytes_that_were_written_to_their_end_are_read() -> None:
     assert state.read() == b"fifth"
     assert not state.write(bytes(MOST_BYTES + 1))
     assert state.read() == b"fifth"
+
+
+def test_a_user_hears_once_that_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 0.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    head = StandbyBootstrap(1, Pipe()[0], None, SharedState(), "key", "")
+    said = []
+    for size in (1, MOST_BYTES, MOST_BYTES, 1, MOST_BYTES):
+        now += 1.0
+        said.append(head.leave(lambda before, size=size: left("x" * size)))  # type: ignore[misc]
+    assert [bool(each) for each in said] == [False, True, False, False, True]
+    assert f"{MOST_BYTES} at most" in said[1]
+
+
+@pytest.mark.parametrize("when", ["at the start", "without a head", "at the fork", "by the new head"])
+def test_a_run_that_is_told_to_end_while_its_head_is_replaced_ends(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def head(bootstrap: StandbyBootstrap) -> str:
+        if not bootstrap.how and when != "at the start":
+            bootstrap.leave(lambda before: left())
+            os.kill(os.getpid(), signal.SIGKILL)
+        if when == "by the new head":  # which has not begun to listen
+            os.kill(os.getppid(), signal.SIGTERM)
+        time.sleep(2.0)
+        return "went on"
+
+    stand = Stand(1, lambda bootstrap: None, head, encrypted=False)
+    begin, replace = stand._begin, stand._replace
+
+    def told_and(go_on: Any, how: str) -> None:
+        if bool(how) == (when != "at the start"):
+            os.kill(os.getpid(), signal.SIGTERM)
+        go_on(how)
+
+    if when == "without a head":
+        monkeypatch.setattr(stand, "_replace", lambda how: told_and(replace, how) if "9" in how else replace(how))
+    elif when != "by the new head":
+        monkeypatch.setattr(stand, "_begin", lambda how: told_and(begin, how))
+    handler = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(RunError, match="terminated before"):
+        stand.run()
+    assert signal.getsignal(signal.SIGTERM) is handler
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_metrics_stay_at_their_address_with_their_tokens() -> None:
+    plan = plan_of(TEXT + "output: {metrics: 0, browser: {token: always}}\n")
+    before = None
+    for _ in range(2):
+        server = make_metrics_server(plan, before)
+        assert server is not None
+        with closing(server):
+            here = PageAt(server.address, server.tokens)
+            assert before in (None, here)
+            before = here
