@@ -336,6 +336,8 @@ class Browser:
         if image.handles is not viewer.handles:
             viewer.handles = image.handles
             await viewer.socket.send_str(handles_message(image.handles))
+        assert self._newest is not None
+        image = self._newest[0]  # of now: what was sent above may have taken its time
         panels = {(False, k): p for k, p in enumerate(image.panels)}
         panels |= {(True, k): p for k, p in enumerate(image.compared)}
         stores = {(False, k): store for k, store in self._stores.items()} if viewer.samples else {}
