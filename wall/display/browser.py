@@ -71,18 +71,17 @@ class Browser:
         tls: tuple[Path, Path] | None = None,
         embed: bool = False,
         load: bool = False,
-        folder: Path = Path(),
     ) -> None:
         """`views`: their names; `why_images`: see layout_message; port 0 takes any free one.
 
-        `embed`, `load`: of BrowserConfig; `folder`: of panels' files.
+        `embed`, `load`: of BrowserConfig.
 
         `tokens`: the page is for those alone who know its address; `steer_token`, `watch_token`: see
         Gate; `tls`: files of a
         certificate and its key. Raises RunError naming what cannot be had.
         """
         self._max_viewers = max_viewers
-        self._layout, self._wall, self._folder = layout_message(wall, views, why_images), wall, folder
+        self._layout, self._wall, self._folder = layout_message(wall, views, why_images), wall, Path()
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[PageViewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
@@ -96,6 +95,7 @@ class Browser:
         self._statistics_wanted = False  # as last told by `commands`
         self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
+        self._reader = ThreadPoolExecutor(1, thread_name_prefix="browser-reader")  # images do not wait for tables
         self._server = Server(
             host, port, tokens=tokens, steer_token=steer_token, watch_token=watch_token, tls=tls,
             frames=THIS_MACHINE if embed else NOBODY,
@@ -135,10 +135,18 @@ class Browser:
             self._server.call(self._wake_viewers)
 
     def lay_out(
-        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace] = ()
+        self,
+        wall: Wall,
+        views: Sequence[str],
+        why_images: Sequence[str],
+        images: Sequence[ZoomedPlace] = (),
+        folder: Path = Path(),
     ) -> None:
-        """Tell all viewers where panels, insets, views, images are from now on; the panels are those of before."""
-        self._layout, self._wall = layout_message(wall, views, why_images, images), wall
+        """Tell all viewers where panels, insets, views, images are from now on; the panels are those of before.
+
+        `folder`: of panels' files.
+        """
+        self._layout, self._wall, self._folder = layout_message(wall, views, why_images, images), wall, folder
         self._server.call(self._wake_viewers)
 
     def offer(self, choices: Choices) -> None:
@@ -173,13 +181,14 @@ class Browser:
     def close(self) -> None:
         """Tell the viewers, stop serving; within a second."""
         self._server.close()
-        self._encoder.shutdown(wait=False, cancel_futures=True)
+        for executor in (self._encoder, self._reader):
+            executor.shutdown(wait=False, cancel_futures=True)
 
     def _wake_viewers(self) -> None:
         for viewer in self._viewers:
             viewer.wake.set()
 
-    # Below, everything runs in the server's thread, except _encode and png_bytes in the encoder's.
+    # Below, everything runs in the server's thread, except _encode, png_bytes and table_of in their executors'.
 
     async def _say_goodbye(self) -> None:
         goodbyes = [v.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the run has ended") for v in self._viewers]
@@ -206,7 +215,7 @@ class Browser:
 
     async def _table(self, request: web.Request) -> web.Response:
         body = await self._loop.run_in_executor(
-            self._encoder, table_of, request.match_info["panel"], self._wall, self._folder
+            self._reader, table_of, request.match_info["panel"], self._wall, self._folder
         )
         return web.Response(body=body, content_type="application/octet-stream")
 

@@ -67,9 +67,8 @@ def make_sinks(
             port = served.port if page is None else urlsplit(page.address).port or served.port
             if page is not None:
                 access |= dict(zip(("steer_token", "watch_token"), page.tokens, strict=True))
-            folder = layout.loaded.folder
             sink = browser = Browser(
-                served.host, port, layout.wall, embed=served.embed, load=served.load, folder=folder, **access
+                served.host, port, layout.wall, embed=served.embed, load=served.load, **access
             )
             lay_out(plan, [browser])
         sinks.append(sink)
@@ -118,7 +117,8 @@ def lay_out(plan: Plan, sinks: list[Sink | None]) -> None:
     for sink in distinct(sinks):
         if isinstance(sink, LaysOut):
             views = [view.id for view in plan.views]
-            sink.lay_out(plan.layout.wall, views, why_images(plan.layout), zoomed_places(plan.layout))
+            folder = plan.layout.loaded.folder
+            sink.lay_out(plan.layout.wall, views, why_images(plan.layout), zoomed_places(plan.layout), folder)
         if isinstance(sink, Offers):
             offer(sink, plan.layout)
 
