@@ -18,7 +18,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from wall.core.errors import RemoteProtocolError
 from wall.display.base import Answer, Choices, PanelImage, Status, WallImage, ZoomedPlace
-from wall.display.gate import Pace
+from wall.display.gate import ANYONE, Access, Pace
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
 from wall.display.page_files import page_file, table_of
 from wall.display.page_viewer import PageViewer, Shown
@@ -65,20 +65,14 @@ class Browser:
         views: Sequence[str] = ("main",),
         why_images: Sequence[str] = (),
         max_viewers: int = MAX_VIEWERS,
-        tokens: bool = False,
-        steer_token: str = "",
-        watch_token: str = "",
-        tls: tuple[Path, Path] | None = None,
+        access: Access = ANYONE,
         embed: bool = False,
         load: bool = False,
     ) -> None:
         """`views`: their names; `why_images`: see layout_message; port 0 takes any free one.
 
-        `embed`, `load`: of BrowserConfig.
-
-        `tokens`: the page is for those alone who know its address; `steer_token`, `watch_token`: see
-        Gate; `tls`: files of a
-        certificate and its key. Raises RunError naming what cannot be had.
+        `embed`, `load`: of BrowserConfig. With `access.tokens` the page is for those alone who know its address.
+        Raises RunError naming what cannot be had.
         """
         self._max_viewers = max_viewers
         self._layout, self._wall, self._folder = layout_message(wall, views, why_images), wall, Path()
@@ -97,8 +91,8 @@ class Browser:
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="browser-reader")  # images do not wait for tables
         self._server = Server(
-            host, port, tokens=tokens, steer_token=steer_token, watch_token=watch_token, tls=tls,
-            frames=THIS_MACHINE if embed else NOBODY,
+            host, port, tokens=access.tokens, steer_token=access.steer_token, watch_token=access.watch_token,
+            tls=access.tls, frames=THIS_MACHINE if embed else NOBODY,
         )  # fmt: skip
         self._loop, self._gate, self._counters = self._server.loop, self._server.gate, self._server.counters
         routes = {
@@ -113,9 +107,9 @@ class Browser:
         where, (steer, watch) = self._server.start(routes, self._say_goodbye), self._gate.queries
         self.address, self.tokens = where + steer, self._gate.tokens
         self.notes: tuple[str, ...] = ()  # what its users should know
-        if tokens:
+        if access.tokens:
             self.notes = (f"to watch the wall without steering it: {where}{watch}",)
-        if tokens and tls is None:
+        if access.tokens and access.tls is None:
             self.notes += ("the page is not encrypted (output.browser.tls): who listens can read its token",)
 
     def show(self, image: WallImage, status: Status) -> None:

@@ -62,13 +62,14 @@ def make_sinks(
             sink = windows
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
+            from wall.display.gate import Access
 
             served, access = output.browser, _access(layout.loaded)
             port = served.port if page is None else urlsplit(page.address).port or served.port
             if page is not None:
                 access |= dict(zip(("steer_token", "watch_token"), page.tokens, strict=True))
             sink = browser = Browser(
-                served.host, port, layout.wall, embed=served.embed, load=served.load, **access
+                served.host, port, layout.wall, access=Access(**access), embed=served.embed, load=served.load
             )
             lay_out(plan, [browser])
         sinks.append(sink)
