@@ -16,6 +16,7 @@ from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import StatisticsImage
 from wall.display.base import Handles, PanelImage, ParameterState, RankStatus, Status, WallImage
 from wall.display.browser import Browser
+from wall.display.gate import Access
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
 
@@ -65,7 +66,7 @@ class Source(threading.Thread):
 
     def __post_init__(self) -> None:
         super().__init__(daemon=True)
-        self.sink = Browser("127.0.0.1", self.port, self.wall, views=self.views, tokens=self.tokens)
+        self.sink = Browser("127.0.0.1", self.port, self.wall, views=self.views, access=Access(self.tokens))
         self.turned, self.paused, self.sampler, self.compare, self.statistics = 0.0, False, "hilbert", "", ""
         self.version = self.refreshes = 0
         self.bookmarks: tuple[int, ...] = ()

@@ -41,6 +41,14 @@ def test_page_shows_every_panel_with_its_own_image(page, source):
         assert near(colour, (40 + 50 * k, 100, 30))
 
 
+def test_a_page_of_another_format_loads_itself_anew(page, source, monkeypatch):
+    with page.expect_navigation():
+        monkeypatch.setattr("wall.display.stream.FORMAT", 3)
+        source.version += 1
+    monkeypatch.undo()
+    eventually(page, lambda: page.evaluate("Boolean(document.body.dataset.picture)"), "the wall")
+
+
 def test_a_page_that_may_only_watch_shows_the_wall_and_has_nothing_that_steers(chromium, source_with_tokens):
     sink = source_with_tokens.sink
     page = chromium.new_context(viewport={"width": 640, "height": 480}).new_page()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import closing
 from io import BytesIO
 
@@ -15,6 +16,7 @@ from wall.config.screens import CornersConfig, PanelConfig, WallConfig
 from wall.core.colour import srgb_decoded, srgb_encoded
 from wall.display.base import PanelImage, Status, WallImage
 from wall.display.browser import Browser
+from wall.display.page_files import table_of
 from wall.display.tiles import updated
 from wall.geometry.expanding import expand
 from wall.operators.lut import read_lut
@@ -45,11 +47,19 @@ def written_table(path, nodes=5):
     path.write_text(f"LUT_3D_SIZE {nodes}\n" + "\n".join(" ".join(f"{x:.6f}" for x in row) for row in table))
 
 
-@pytest.mark.parametrize("lut", [None, "panel.cube"])
-def test_the_page_of_one_panel_shows_it_as_its_display_needs_it(chromium, tmp_path, lut):
+# by rotation: from a screenshot of the display, as it is mounted turned clockwise, to what is seen of it
+SEEN = {
+    90: lambda shown: np.rot90(shown, -1),
+    180: lambda shown: np.rot90(shown, 2),
+    270: np.rot90,
+}
+
+
+@pytest.mark.parametrize(("lut", "rotation"), [(None, 90), ("panel.cube", 180), (None, 270)])
+def test_the_page_of_one_panel_shows_it_as_its_display_needs_it(chromium, tmp_path, lut, rotation):
     written_table(tmp_path / "panel.cube")
     colour = ColourConfig(**COLOUR, lut=lut)
-    wall = expand(WallConfig(panels=[panel("a", 0.0, None), panel("b", 0.13, colour, rotation=180)]))
+    wall = expand(WallConfig(panels=[panel("a", 0.0, None), panel("b", 0.13, colour, rotation)]))
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     rgb = np.stack([2 * x, 3 * y, 255 - x - y], -1).astype(np.uint8)
     images = [
@@ -58,8 +68,10 @@ def test_the_page_of_one_panel_shows_it_as_its_display_needs_it(chromium, tmp_pa
     light = srgb_decoded(rgb.astype(np.float32) / 255)
     shown = srgb_encoded(np.float32(COLOUR["gain"]) * light ** np.float32(COLOUR["gamma"]))
     expected = 255 * (np.clip(read_lut(tmp_path / lut)(shown), 0, 1) if lut else shown)
-    with closing(Browser("127.0.0.1", 0, wall, folder=tmp_path)) as browser:
-        page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    with closing(Browser("127.0.0.1", 0, wall)) as browser:
+        browser.lay_out(wall, ["main"], (), folder=tmp_path)
+        size = (WIDTH, HEIGHT) if rotation == 180 else (HEIGHT, WIDTH)
+        page = chromium.new_page(viewport=dict(zip(("width", "height"), size, strict=True)))
         page.goto(browser.address + "#b")
         shows = {"width": wall.width, "height": wall.height, "panels": tuple(images)}
         browser.show(WallImage(**shows, time=0.0, camera_event=0, scene_event=0), STATUS)
@@ -67,7 +79,34 @@ def test_the_page_of_one_panel_shows_it_as_its_display_needs_it(chromium, tmp_pa
 
         def off():
             shown = np.asarray(Image.open(BytesIO(page.screenshot())).convert("RGB"), np.float64)
-            return np.abs(shown[::-1, ::-1] - expected).max()  # the display is mounted upside down
+            return np.abs(SEEN[rotation](shown) - expected).max()
 
         eventually(page, lambda: off() <= MOST_OFF, "every pixel, with the panel's own colours, once its tiles rest")
         page.close()
+
+
+def test_a_page_says_that_its_table_is_missing_until_a_layout_comes_that_has_one(chromium, tmp_path):
+    wall = expand(WallConfig(panels=[panel("a", 0.0, ColourConfig(**COLOUR, lut="panel.cube"))]))
+    written_table(tmp_path / "panel.cube")
+    with closing(Browser("127.0.0.1", 0, wall)) as browser:
+        browser.lay_out(wall, ["main"], (), folder=tmp_path / "nowhere")
+        page = chromium.new_page(viewport={"width": 400, "height": 200})
+        page.goto(browser.address + "#a")
+        page.wait_for_selector(".uncorrected")
+        said = page.evaluate("() => document.elementFromPoint(200, 30).innerText")  # nothing lies over it
+        assert said == "The colours are not those of this display: the table cannot be read."
+        browser.lay_out(wall, ["main", "map"], (), folder=tmp_path)
+        page.wait_for_selector(".own canvas + canvas")
+        assert page.locator(".uncorrected").count() == 0
+        page.close()
+
+
+def test_a_table_s_file_is_read_once_until_it_changes(tmp_path):
+    wall = expand(WallConfig(panels=[panel("a", 0.0, ColourConfig(**COLOUR, lut="panel.cube"))]))
+    file = tmp_path / "panel.cube"
+    written_table(file)
+    before = table_of("a", wall, tmp_path)
+    assert table_of("a", wall, tmp_path) is before
+    written_table(file, nodes=4)
+    os.utime(file, (1.0, 1.0))
+    assert table_of("a", wall, tmp_path) != before

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -218,9 +219,9 @@ class LaysOut(Sink, Protocol):
     """A sink that tells its viewers where panels and views are."""
 
     def lay_out(
-        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace]
+        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace], folder: Path
     ) -> None:
-        """Tell these from now on; the panels are those of before."""
+        """Tell these from now on; the panels are those of before, their files lie in `folder`."""
 
 
 class Choices(Protocol):

@@ -18,7 +18,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from wall.core.errors import RemoteProtocolError
 from wall.display.base import Answer, Choices, PanelImage, Status, WallImage, ZoomedPlace
-from wall.display.gate import Pace
+from wall.display.gate import ANYONE, Access, Pace
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
 from wall.display.page_files import page_file, table_of
 from wall.display.page_viewer import PageViewer, Shown
@@ -65,24 +65,17 @@ class Browser:
         views: Sequence[str] = ("main",),
         why_images: Sequence[str] = (),
         max_viewers: int = MAX_VIEWERS,
-        tokens: bool = False,
-        steer_token: str = "",
-        watch_token: str = "",
-        tls: tuple[Path, Path] | None = None,
+        access: Access = ANYONE,
         embed: bool = False,
         load: bool = False,
-        folder: Path = Path(),
     ) -> None:
         """`views`: their names; `why_images`: see layout_message; port 0 takes any free one.
 
-        `embed`, `load`: of BrowserConfig; `folder`: of panels' files.
-
-        `tokens`: the page is for those alone who know its address; `steer_token`, `watch_token`: see
-        Gate; `tls`: files of a
-        certificate and its key. Raises RunError naming what cannot be had.
+        `embed`, `load`: of BrowserConfig. With `access.tokens` the page is for those alone who know its address.
+        Raises RunError naming what cannot be had.
         """
         self._max_viewers = max_viewers
-        self._layout, self._wall, self._folder = layout_message(wall, views, why_images), wall, folder
+        self._layout, self._wall, self._folder = layout_message(wall, views, why_images), wall, Path()
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[PageViewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
@@ -96,9 +89,10 @@ class Browser:
         self._statistics_wanted = False  # as last told by `commands`
         self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
+        self._reader = ThreadPoolExecutor(1, thread_name_prefix="browser-reader")  # images do not wait for tables
         self._server = Server(
-            host, port, tokens=tokens, steer_token=steer_token, watch_token=watch_token, tls=tls,
-            frames=THIS_MACHINE if embed else NOBODY,
+            host, port, tokens=access.tokens, steer_token=access.steer_token, watch_token=access.watch_token,
+            tls=access.tls, frames=THIS_MACHINE if embed else NOBODY,
         )  # fmt: skip
         self._loop, self._gate, self._counters = self._server.loop, self._server.gate, self._server.counters
         routes = {
@@ -113,9 +107,9 @@ class Browser:
         where, (steer, watch) = self._server.start(routes, self._say_goodbye), self._gate.queries
         self.address, self.tokens = where + steer, self._gate.tokens
         self.notes: tuple[str, ...] = ()  # what its users should know
-        if tokens:
+        if access.tokens:
             self.notes = (f"to watch the wall without steering it: {where}{watch}",)
-        if tokens and tls is None:
+        if access.tokens and access.tls is None:
             self.notes += ("the page is not encrypted (output.browser.tls): who listens can read its token",)
 
     def show(self, image: WallImage, status: Status) -> None:
@@ -135,10 +129,18 @@ class Browser:
             self._server.call(self._wake_viewers)
 
     def lay_out(
-        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace] = ()
+        self,
+        wall: Wall,
+        views: Sequence[str],
+        why_images: Sequence[str],
+        images: Sequence[ZoomedPlace] = (),
+        folder: Path = Path(),
     ) -> None:
-        """Tell all viewers where panels, insets, views, images are from now on; the panels are those of before."""
-        self._layout, self._wall = layout_message(wall, views, why_images, images), wall
+        """Tell all viewers where panels, insets, views, images are from now on; the panels are those of before.
+
+        `folder`: of panels' files.
+        """
+        self._layout, self._wall, self._folder = layout_message(wall, views, why_images, images), wall, folder
         self._server.call(self._wake_viewers)
 
     def offer(self, choices: Choices) -> None:
@@ -173,13 +175,14 @@ class Browser:
     def close(self) -> None:
         """Tell the viewers, stop serving; within a second."""
         self._server.close()
-        self._encoder.shutdown(wait=False, cancel_futures=True)
+        for executor in (self._encoder, self._reader):
+            executor.shutdown(wait=False, cancel_futures=True)
 
     def _wake_viewers(self) -> None:
         for viewer in self._viewers:
             viewer.wake.set()
 
-    # Below, everything runs in the server's thread, except _encode and png_bytes in the encoder's.
+    # Below, everything runs in the server's thread, except _encode, png_bytes and table_of in their executors'.
 
     async def _say_goodbye(self) -> None:
         goodbyes = [v.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the run has ended") for v in self._viewers]
@@ -206,7 +209,7 @@ class Browser:
 
     async def _table(self, request: web.Request) -> web.Response:
         body = await self._loop.run_in_executor(
-            self._encoder, table_of, request.match_info["panel"], self._wall, self._folder
+            self._reader, table_of, request.match_info["panel"], self._wall, self._folder
         )
         return web.Response(body=body, content_type="application/octet-stream")
 
@@ -336,6 +339,8 @@ class Browser:
         if image.handles is not viewer.handles:
             viewer.handles = image.handles
             await viewer.socket.send_str(handles_message(image.handles))
+        assert self._newest is not None
+        image = self._newest[0]  # of now: what was sent above may have taken its time
         panels = {(False, k): p for k, p in enumerate(image.panels)}
         panels |= {(True, k): p for k, p in enumerate(image.compared)}
         stores = {(False, k): store for k, store in self._stores.items()} if viewer.samples else {}

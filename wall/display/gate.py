@@ -14,6 +14,7 @@ import socket
 import ssl
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,19 @@ MAX_SILENT = 64  # connections that have not done so yet; the oldest beyond are 
 SWEEP_S = 0.25
 MOST_TOKEN_BYTES = 1024  # of a file
 RATE, BURST = 500.0, 1000.0  # messages a second of one viewer, and at once: a page sends 100; long ones are several
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Who gets in at the page: `tokens`, `steer_token`, `watch_token` of Gate, `tls` of tls_of."""
+
+    tokens: bool = False
+    steer_token: str = ""
+    watch_token: str = ""
+    tls: tuple[Path, Path] | None = None
+
+
+ANYONE = Access()
 
 
 class Gate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 from pathlib import Path
 
 from aiohttp import web
@@ -13,6 +14,7 @@ from wall.geometry.panels import Wall
 from wall.operators.lut import read_lut
 
 PAGE = Path(__file__).resolve().parent / "page"
+KEPT_TABLES = 8  # of 65^3 nodes: 3.3 MB each
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 
 
@@ -27,11 +29,20 @@ async def page_file(request: web.Request) -> web.Response:
 
 
 def table_of(panel_id: str, wall: Wall, folder: Path) -> bytes:
-    """The table of a panel's `colour`, whose file lies in the folder, as table_bytes. Raises HTTPNotFound."""
+    """The table of a panel's `colour`, whose file lies in the folder, as table_bytes. Raises HTTPNotFound.
+
+    A file is read once, until it changes: 0.3 s for 65^3 nodes.
+    """
     colour = next((panel.config.colour for panel in wall.panels if panel.id == panel_id), None)
     if colour is None or colour.lut is None:
         raise web.HTTPNotFound(text="no such table\n")
+    path = folder / colour.lut
     try:
-        return table_bytes(read_lut(folder / colour.lut))
-    except ConfigError:  # it was there when the run began
+        return _table(path, path.stat().st_mtime_ns)
+    except (OSError, ConfigError):  # it was there when the run began
         raise web.HTTPNotFound(text="the table cannot be read\n") from None
+
+
+@lru_cache(KEPT_TABLES)
+def _table(path: Path, mtime_ns: int) -> bytes:
+    return table_bytes(read_lut(path))

@@ -30,18 +30,18 @@ class PanelChanges:
 
     def __init__(self) -> None:
         self.number = 0  # of images followed
-        self._version: int | None = None  # of the newest
+        self._newest: PanelImage | None = None
         self._shown = np.zeros((0, 0, 3), np.uint8)  # each tile as it last differed visibly
         self.changed = np.zeros((0, 0), np.int64)  # (rows, columns) number of the image in which a tile last changed
         self.visible = np.zeros((0, 0), np.int64)  # (rows, columns) in which it last differed visibly from before
         self._changed_at = np.zeros((0, 0))  # (rows, columns) seconds, of `changed`
         self._moved_at = 0.0  # of the newest of `visible`
 
-    def follow(self, panel: PanelImage, now: float) -> None:
-        """Note what has changed in the newest image, at `now` seconds."""
-        if panel.version == self._version:
-            return
-        changed = changed_since(panel, self._version)
+    def follow(self, panel: PanelImage, now: float) -> PanelImage:
+        """Note what has changed in an image, at `now` seconds. Returns it, or a newer one that was followed before."""
+        if self._newest is not None and panel.version <= self._newest.version:
+            return self._newest
+        changed = changed_since(panel, None if self._newest is None else self._newest.version)
         visible = changed.copy()
         if self._shown.shape == panel.rgb.shape:
             take_visible(self._shown, panel.rgb, TILE, np.uint8(INVISIBLE), visible)
@@ -50,9 +50,10 @@ class PanelChanges:
             self._shown = panel.rgb.copy()
             self.changed, self.visible = np.zeros(changed.shape, np.int64), np.zeros(changed.shape, np.int64)
             self._changed_at = np.zeros(changed.shape)
-        self.number, self._version = self.number + 1, panel.version
+        self.number, self._newest = self.number + 1, panel
         self.changed[changed], self.visible[visible], self._changed_at[changed] = self.number, self.number, now
         self._moved_at = now if visible.any() else self._moved_at
+        return panel
 
     def resting(self, now: float) -> NDArray[np.bool_]:
         """(rows, columns) bool: the tiles that rest at `now` seconds."""
@@ -160,7 +161,7 @@ def parts_of(held: Held, panel: PanelImage, store: SampleStore | None, changes: 
         held.version, held.tiles, held.lossy, held.samples = None, None, None, store is not None
     if store is not None:
         return [SamplesPart(panel, store, held.version)] if held.version != store.version else []
-    changes.follow(panel, now)
+    panel = changes.follow(panel, now)
     held.version, held.complete = panel.version, False
     if held.tiles is None or held.lossy is None or held.tiles.shape != changes.visible.shape:
         return [TilesPart(panel, np.ones(changes.visible.shape, np.bool_), exactly=False, change=changes.number)]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from wall.display.base import PanelImage, Status, WallImage, ZoomedPlace
@@ -66,7 +67,7 @@ class WindowSink:
             host.put([image for image in images if image.id in host.areas])
 
     def lay_out(
-        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace]
+        self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace], folder: Path
     ) -> None:
         """Know where which views are from now on: that beneath the pointer is steered."""
         places: dict[str, list[Place]] = {panel.id: [] for panel in wall.panels}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from contextlib import suppress
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 from wall.config.loading import load, with_scene
 from wall.core.errors import ConfigError, EditError
@@ -69,7 +70,23 @@ def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return []
 
 
+_newest = WeakKeyDictionary[Offers, Layout]()  # by sink: the layout whose choices it is to offer
+_offering = threading.Lock()
+
+
 def offer(sink: Offers, layout: Layout) -> None:
-    """Offer viewers the choices of a layout, as soon as they are found, unless it is to offer none."""
+    """Offer viewers the choices of a layout, as soon as they are found, unless it is to offer none.
+
+    Those found of a layout whose place another one has taken meanwhile are dropped.
+    """
+
+    def look() -> None:
+        choices = Choices(layout)
+        with _offering:
+            if _newest[sink] is layout:
+                sink.offer(choices)
+
+    with _offering:
+        _newest[sink] = layout
     if layout.config.output.browser.choices:
-        threading.Thread(target=lambda: sink.offer(Choices(layout)), daemon=True, name="choices").start()
+        threading.Thread(target=look, daemon=True, name="choices").start()

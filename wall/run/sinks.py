@@ -62,12 +62,12 @@ def make_sinks(
             sink = windows
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
+            from wall.display.gate import Access
 
             served, access = output.browser, _access(layout.loaded, page)
             port = _port(served.port, page)
-            folder = layout.loaded.folder
             sink = browser = Browser(
-                served.host, port, layout.wall, embed=served.embed, load=served.load, folder=folder, **access
+                served.host, port, layout.wall, access=Access(**access), embed=served.embed, load=served.load
             )
             lay_out(plan, [browser])
         sinks.append(sink)
@@ -130,7 +130,8 @@ def lay_out(plan: Plan, sinks: list[Sink | None]) -> None:
     for sink in distinct(sinks):
         if isinstance(sink, LaysOut):
             views = [view.id for view in plan.views]
-            sink.lay_out(plan.layout.wall, views, why_images(plan.layout), zoomed_places(plan.layout))
+            folder = plan.layout.loaded.folder
+            sink.lay_out(plan.layout.wall, views, why_images(plan.layout), zoomed_places(plan.layout), folder)
         if isinstance(sink, Offers):
             offer(sink, plan.layout)
 

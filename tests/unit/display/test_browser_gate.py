@@ -15,7 +15,7 @@ from page_viewer import PATIENCE_S, Viewer, run, until
 from wall.core.errors import RunError
 from wall.display import gate
 from wall.display.browser import Browser
-from wall.display.gate import BURST, Pace
+from wall.display.gate import BURST, Access, Pace
 from wall.display.viewer import watch
 
 TLS = Path(__file__).with_name("tls.pem")  # certificate and key
@@ -25,7 +25,7 @@ PATHS = ("", "page.js", "stream", "wall.png", "status.json", "metrics")
 
 @pytest.fixture
 def browser(two_panels):
-    with closing(Browser("127.0.0.1", 0, two_panels, max_viewers=4, tokens=True)) as sink:
+    with closing(Browser("127.0.0.1", 0, two_panels, max_viewers=4, access=Access(tokens=True))) as sink:
         yield sink
 
 
@@ -158,7 +158,7 @@ def test_connections_that_ask_for_nothing_are_closed(two_panels, image, status, 
     monkeypatch.setattr(gate, "MAX_SILENT", 3)
     monkeypatch.setattr(gate, "FIRST_REQUEST_S", 1000.0)
     monkeypatch.setattr(gate, "SWEEP_S", 0.01)
-    with closing(Browser("127.0.0.1", 0, two_panels, tokens=True)) as browser, ExitStack() as stack:
+    with closing(Browser("127.0.0.1", 0, two_panels, access=Access(tokens=True))) as browser, ExitStack() as stack:
         browser.show(image(1), status)
         place = urlsplit(browser.address)
         silent = [stack.enter_context(socket.create_connection((place.hostname, place.port))) for _ in range(8)]
@@ -178,7 +178,7 @@ def test_connections_that_ask_for_nothing_are_closed(two_panels, image, status, 
 
 
 def test_an_encrypted_page_has_a_secure_cookie_and_speaks_nothing_else(two_panels, image, status):
-    with closing(Browser("127.0.0.1", 0, two_panels, tokens=True, tls=(TLS, TLS))) as browser:
+    with closing(Browser("127.0.0.1", 0, two_panels, access=Access(tokens=True, tls=(TLS, TLS)))) as browser:
         browser.show(image(1), status)
         assert browser.address.startswith("https://127.0.0.1:")
         assert not any("is not encrypted" in note for note in browser.notes)
@@ -201,7 +201,7 @@ def test_files_that_are_no_certificate_are_refused_by_name(two_panels, tmp_path)
     empty.touch()
     for file in (empty, tmp_path / "missing.pem"):
         with pytest.raises(RunError, match=rf"output\.browser\.tls: {file} with .*wanted: a certificate and its key"):
-            Browser("127.0.0.1", 0, two_panels, tls=(file, TLS))
+            Browser("127.0.0.1", 0, two_panels, access=Access(tls=(file, TLS)))
 
 
 def test_a_script_that_watches_passes_the_token_on(browser, image, status, monkeypatch):

@@ -16,7 +16,7 @@ from wall.core.tone_mapping import AS_IT_IS
 from wall.display import parts
 from wall.display.base import PanelImage, PanelSamples, WallImage
 from wall.display.browser import IN_FLIGHT, Browser
-from wall.display.parts import TILES_AT_REST
+from wall.display.parts import TILES_AT_REST, Held, PanelChanges, parts_of
 from wall.display.sample_store import codes_of_halves
 from wall.display.stream import SAMPLES_COUNTS, SAMPLES_HEADER
 from wall.display.tiles import updated
@@ -151,6 +151,23 @@ def test_a_slow_viewer_gets_the_tiles_of_all_that_it_missed(large, status):
         assert viewer.sent_tiles[0] == [2, 4]
 
     with_viewer(large, act)
+
+
+def test_a_viewer_for_whom_an_older_image_was_taken_gets_the_newest_that_another_one_has():
+    black = PanelImage(id="p0", rgb=np.zeros((100, 200, 3), np.uint8), screen=(0, 0), version=0)
+    first = updated(black, gradient(), 4)
+    rgb = gradient()
+    rgb[5, 5] ^= 128
+    second = updated(first, rgb, 5)
+    changes, quick, slow = PanelChanges(), Held(), Held()
+
+    def sent(held, panel):
+        [part] = parts_of(held, panel, None, changes, 0.0)
+        part.sent(held, *part.encode())
+        return part.panel.version, held.version, np.flatnonzero(part.tiles).tolist()
+
+    assert [sent(held, first)[0] for held in (quick, slow)] == [4, 4]
+    assert sent(quick, second) == sent(slow, first) == (5, 5, [0])
 
 
 def test_changes_that_nobody_sees_wait_until_their_tile_rests_and_add_up(large, status, monkeypatch):

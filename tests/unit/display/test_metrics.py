@@ -13,7 +13,7 @@ from page_viewer import run
 from wall.core.errors import RunError
 from wall.display.base import LATENCY_LIMITS_S, RankTotals
 from wall.display.browser import Browser
-from wall.display.gate import token_in
+from wall.display.gate import Access, token_in
 from wall.display.metrics import PageCounts, metrics_text
 from wall.display.metrics_server import MetricsServer
 
@@ -70,7 +70,7 @@ def answers(address, *paths, token=""):
 
 
 def test_the_page_serves_metrics_to_those_whom_it_lets_watch(two_panels, image, status):
-    with closing(Browser("127.0.0.1", 0, two_panels, tokens=True, watch_token=FIXED)) as browser:
+    with closing(Browser("127.0.0.1", 0, two_panels, access=Access(tokens=True, watch_token=FIXED))) as browser:
         assert f"?token={FIXED}" in browser.notes[0]
         [(refused, _)] = answers(browser.address, "metrics", token="another-token-here")
         [(_, before)] = answers(browser.address, "metrics", token=FIXED)

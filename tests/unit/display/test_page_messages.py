@@ -167,9 +167,9 @@ def test_panel_message_is_a_20_byte_header_and_a_jpeg(image):
     every = np.ones((1, 1), bool)
     message = panel_message(1, panel, every, encoded=encode_jpeg(panel.rgb), number=9)
     assert HEADER.size == 20
-    assert HEADER.unpack(message[:20]) == (b"WP", 3, 0, 1, 16, 8, 0, 5, 9)
+    assert HEADER.unpack(message[:20]) == (b"WP", 4, 0, 1, 16, 8, 0, 5, 9)
     second = panel_message(1, panel, every, encoded=b"", number=9, compared=True)
-    assert HEADER.unpack(second) == (b"WP", 3, 1, 1, 16, 8, 0, 5, 9)
+    assert HEADER.unpack(second) == (b"WP", 4, 1, 1, 16, 8, 0, 5, 9)
     assert np.array(Image.open(io.BytesIO(message[20:]))).shape == (8, 16, 3)
 
 
@@ -192,7 +192,7 @@ def test_statistics_message_is_a_16_byte_header_and_what_its_overlay_draws(overl
     )  # fmt: skip
     message = statistics_message(statistics_image, overlay)
     assert STATISTICS_HEADER.size == 16  # so that the page reads 16-bit numbers behind it
-    assert STATISTICS_HEADER.unpack(message[:16]) == (b"WS", 3, 1, 3, OVERLAYS.index(overlay), 2, 3, rects)
+    assert STATISTICS_HEADER.unpack(message[:16]) == (b"WS", 4, 1, 3, OVERLAYS.index(overlay), 2, 3, rects)
     if body is not None:
         assert message[16:] == bytes(range(body, body + 6))
     else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import queue
+import threading
 from pathlib import Path
 
 import pytest
@@ -10,7 +12,7 @@ from wall.config.loading import load, loads
 from wall.core.errors import EditError
 from wall.display.requests import Requests
 from wall.roles.plan import Layout, make_layout
-from wall.run.choices import Choices
+from wall.run.choices import Choices, offer
 from wall.scene.sources import BUILT_IN
 
 HALL = """\
@@ -68,3 +70,26 @@ def test_a_file_that_is_gone_is_told(tmp_path: Path) -> None:
     (tmp_path / "balls.yaml").unlink()
     with pytest.raises(EditError, match=r"balls\.yaml: .*No such file"):
         choices.load("balls.yaml")
+
+
+def test_what_is_found_late_of_an_earlier_layout_is_not_offered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offered = queue.Queue[str]()
+
+    class Page:
+        def offer(self, choices: Choices) -> None:
+            offered.put(choices.shown)
+
+    earlier, later = layout_in(tmp_path), make_layout(load(tmp_path / "balls.yaml"))
+    go_on, shown, page = threading.Event(), Choices._shown, Page()
+    monkeypatch.setattr(
+        Choices, "_shown", lambda own: shown(own) if own._layout is later or go_on.wait(10) else "never"
+    )
+    offer(page, earlier)  # type: ignore[arg-type]
+    [looking] = [thread for thread in threading.enumerate() if thread.name == "choices"]
+    offer(page, later)  # type: ignore[arg-type]
+    assert offered.get(timeout=10) == "balls.yaml"
+    go_on.set()
+    looking.join(10)
+    assert offered.empty()

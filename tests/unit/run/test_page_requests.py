@@ -22,6 +22,7 @@ from wall.client import Client, connect
 from wall.core.errors import EditError, RunError
 from wall.display.base import Answer
 from wall.display.browser import Browser
+from wall.display.gate import Access
 from wall.display.page_client import stream_of
 from wall.display.page_viewer import MAX_REQUESTS
 from wall.display.requests import Requests
@@ -55,7 +56,7 @@ class Served:
 
     def __init__(self, text: str = TEXT, **options: Any) -> None:
         plan, clock, hub = plan_of(text), HeadClock(), LoopbackHub(credit_bytes=1 << 20)
-        self.browser = Browser("127.0.0.1", 0, plan.layout.wall, tokens=True, **options)
+        self.browser = Browser("127.0.0.1", 0, plan.layout.wall, access=Access(tokens=True), **options)
         self.manager = Manager(plan, clock.now(), still=True, key=KEY)
         ports = Ports(MANAGER, clock, hub=hub)
         ports.answer_page = page_answers([self.browser])

@@ -15,7 +15,8 @@ import { Viewports } from "./viewports.js";
 import { Wall } from "./wall.js";
 import { Zoomed } from "./zoomed.js";
 
-const HEADER_BYTES = 20;          // wall/display/stream.py, HEADER
+const HEADER_BYTES = 20;          // wall/display/stream.py, HEADER,
+const FORMAT = 4;                 // and FORMAT
 const [STATISTICS, SAMPLES] = ["S", "N"].map((letter) => letter.charCodeAt(0));  // second byte of a message; tiles: "P"
 const SILENT_MS = 3000;           // status comes four times a second; this long without any is a lost connection
 const RETRY_MS = [250, 500, 1000, 2000];
@@ -70,8 +71,11 @@ function connect() {
   mine.onclose = (event) => { if (socket === mine) lost(event.code); };
 }
 
+// A page that was left open while the wall was renewed cannot read what comes, and loads itself anew.
 function takeBytes(data, pictures) {
-  if (new Uint8Array(data)[1] === STATISTICS) overlay.take(data);
+  const [, kind, format] = new Uint8Array(data, 0, 3);
+  if (format !== FORMAT) location.reload();
+  else if (kind === STATISTICS) overlay.take(data);
   else pictures.panel(data);
 }
 

@@ -3,10 +3,12 @@
 import { Calibration } from "./calibration.js";
 
 export class Solo {
-  #wall; #panel = null; #calibration = null; #box = null; #colour = "";
+  #wall; #panel = null; #calibration = null; #box = null; #colour = ""; #note = document.createElement("p");
 
   constructor(wall) {
     this.#wall = wall;
+    this.#note.className = "banner uncorrected";
+    this.#note.role = "alert";
     window.addEventListener("hashchange", () => location.reload());
   }
 
@@ -20,6 +22,7 @@ export class Solo {
     const { rotation, colour } = this.#panel, canvas = this.#canvas();
     if (this.#box !== canvas.parentElement || this.#colour !== JSON.stringify(colour)) {
       this.#calibration?.canvas.remove();
+      this.#note.remove();
       [this.#box, this.#colour, this.#calibration] = [canvas.parentElement, JSON.stringify(colour), null];
       this.#box.classList.add("own");
       this.#box.dataset.rotation = rotation;
@@ -36,10 +39,25 @@ export class Solo {
 
   #canvas() { return this.#wall.context(this.#panel.index).canvas; }
 
+  // What cannot be had is said, and tried again with the next layout.
   async #calibrate(id, colour) {
-    const table = colour.table ? await (await fetch(`table/${encodeURIComponent(id)}`)).arrayBuffer() : null;
-    if (this.#colour !== JSON.stringify(colour)) return;       // another came meanwhile
-    this.#calibration = new Calibration(colour, table);
-    this.#box.append(this.#calibration.canvas);
+    const wanted = this.#colour;
+    try {
+      const table = colour.table ? await tableOf(id) : null;
+      if (this.#colour !== wanted) return;                     // another came meanwhile
+      this.#calibration = new Calibration(colour, table);
+      this.#box.append(this.#calibration.canvas);
+    } catch (error) {
+      if (this.#colour !== wanted) return;
+      this.#colour = "";
+      this.#note.textContent = `The colours are not those of this display: ${error.message}.`;
+      document.body.append(this.#note);
+    }
   }
+}
+
+async function tableOf(id) {
+  const response = await fetch(`table/${encodeURIComponent(id)}`);
+  if (!response.ok) throw new Error((await response.text()).trim());
+  return response.arrayBuffer();
 }
