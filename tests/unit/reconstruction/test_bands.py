@@ -48,7 +48,7 @@ def event(k: int) -> Event:
 
 
 @pytest.fixture
-def batches(random_numbers: np.random.Generator) -> list[Samples]:
+def batches(compiled_only: None, random_numbers: np.random.Generator) -> list[Samples]:
     """A quarter of a sample a pixel for each refresh, at random places; a third of a panel gets none: holes."""
     found = []
     for k in range(40):
@@ -60,9 +60,7 @@ def batches(random_numbers: np.random.Generator) -> list[Samples]:
 
 @pytest.mark.parametrize("threads", [2, 3, 7, 12])
 @pytest.mark.parametrize("changes", [False, True])
-def test_forty_refreshes_are_the_same_bits(
-    batches: list[Samples], threads: int, changes: bool, compiled_only: None
-) -> None:
+def test_forty_refreshes_are_the_same_bits(batches: list[Samples], threads: int, changes: bool) -> None:
     """With sorts, evictions, holes, hidden and contradicted samples, light that moves, and parts of the image."""
     one, many = (
         Reconstruction(SEEN.panel, SEEN.eye, SCENE, detects_change=changes, samples_per_pixel=2.0, threads=count)
@@ -86,7 +84,7 @@ def test_forty_refreshes_are_the_same_bits(
     assert many.bytes > one.bytes
 
 
-def test_a_band_writes_its_own_rows_alone(batches: list[Samples], compiled_only: None) -> None:
+def test_a_band_writes_its_own_rows_alone(batches: list[Samples]) -> None:
     image = Reconstruction(SEEN.panel, SEEN.eye, SCENE, detects_change=True, threads=2)
     image.insert(batches[0], START, event(0))
     image.refresh(event(0), START)
