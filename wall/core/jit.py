@@ -8,6 +8,7 @@ recompiles what depends on it, and nothing else. A cache that names a class whic
 from __future__ import annotations
 
 import atexit
+import fcntl
 import gc
 import hashlib
 import importlib
@@ -15,11 +16,13 @@ import os
 import re
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 # in the environment: numba forgets other settings when it reads the environment again, which it does when that changed
 os.environ.setdefault("NUMBA_THREADING_LAYER", "workqueue")
@@ -35,6 +38,7 @@ from wall.core.garbage import collect_rarely
 
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+LONGEST_LOCK_S = 2.0  # of an index of compiled kernels, which another process holds for milliseconds
 LONGEST_WAIT_S = 5.0  # for a thread that compiles, at the end of a process
 
 # of all kernels; C calls none of them
@@ -180,6 +184,7 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         cache = compiled._cache
         cache._cache_file._load_index = _empty_if_outdated(cache._cache_file._load_index)
+        cache._cache_file.save = _save_alone(cache._cache_file)
         cache.load_overload = _load_alone(cache._load_overload)
     return compiled
 
@@ -214,6 +219,40 @@ def _empty_if_outdated(load_index: Callable[[], dict[Any, str]]) -> Callable[[],
             return {}
 
     return load
+
+
+def _save_alone(file: Any) -> Callable[[Any, Any], None]:
+    """Saves a kernel to a cache that other processes save to at this moment.
+
+    numba numbers files of kernels by an index that it read before. Two processes give two kernels the same file,
+    and the index says ever after that the one is the other.
+    """
+
+    def save(key: Any, data: Any) -> None:
+        name = file._data_name_pattern.replace("{number:d}", uuid4().hex)
+        file._save_data(name, data)  # before anybody can look for it
+        with _locked(Path(f"{file._index_path}.lock")):
+            index = file._load_index()
+            if key not in index:
+                file._save_index(index | {key: name})
+                return
+        os.unlink(file._data_path(name))  # another process was faster
+
+    return save
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold a file's lock if that can be had soon: without it the index may lack a kernel, which is compiled again."""
+    with open(path, "w") as lock:
+        limit = time.monotonic() + LONGEST_LOCK_S
+        while time.monotonic() < limit:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError:  # held, or not to be had on this file system
+                time.sleep(0.01)
+        yield
 
 
 def cache_root() -> Path:

@@ -103,6 +103,34 @@ def test_a_cache_that_names_a_class_which_is_gone_is_made_anew(tmp_path: Path, m
     assert sum(third.stats.cache_hits.values()) == 1
 
 
+@pytest.mark.usefixtures("compiled_only")
+def test_of_two_processes_that_save_at_once_none_finds_the_kernel_of_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one saves while the other has read the index and not yet written it; the lock cannot be had."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(jit, "LONGEST_LOCK_S", 0.0)
+    source = tmp_path / "kernel_file.py"
+    source.write_text("def twice(x):\n    return 2 * x\n", encoding="utf-8")
+    scope: dict[str, Any] = {}
+    exec(compile(source.read_text(encoding="utf-8"), str(source), "exec"), scope)
+    one, other, later = (jit.kernel(scope["twice"])._cache._cache_file for _ in range(3))
+    read, others = one._load_index, ["other's"]
+
+    def read_too_early() -> dict[Any, str]:
+        index = dict(read())
+        while others:
+            other.save("other", others.pop())
+        return index
+
+    one._load_index = read_too_early
+    one.save("one", "one's")
+    assert later.load("one") == "one's"
+    assert later.load("other") is None, "compiled again, not taken for the other"
+    other.save("other", "other's")
+    assert (later.load("one"), later.load("other")) == ("one's", "other's")
+
+
 def test_garbage_is_collected_less_often_while_a_kernel_is_compiled_and_as_before_afterwards() -> None:
     seen: list[int] = []
 
