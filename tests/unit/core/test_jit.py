@@ -107,7 +107,7 @@ def test_a_cache_that_names_a_class_which_is_gone_is_made_anew(tmp_path: Path, m
 def test_of_two_processes_that_save_at_once_none_finds_the_kernel_of_the_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The one saves while the other has read the index and not yet written it; the lock cannot be had."""
+    """The one saves while the other has read the index and not yet written its kernel; the lock cannot be had."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(jit, "LONGEST_LOCK_S", 0.0)
     source = tmp_path / "kernel_file.py"
@@ -115,20 +115,17 @@ def test_of_two_processes_that_save_at_once_none_finds_the_kernel_of_the_other(
     scope: dict[str, Any] = {}
     exec(compile(source.read_text(encoding="utf-8"), str(source), "exec"), scope)
     one, other, later = (jit.kernel(scope["twice"])._cache._cache_file for _ in range(3))
-    read, others = one._load_index, ["other's"]
+    write = one._save_data
 
-    def read_too_early() -> dict[Any, str]:
-        index = dict(read())
-        while others:
-            other.save("other", others.pop())
-        return index
+    def write_late(name: str, data: str) -> None:
+        other._load_index = dict  # as it was before either of them began
+        other.save("other", "other's")
+        write(name, data)
 
-    one._load_index = read_too_early
+    one._save_data = write_late
     one.save("one", "one's")
-    assert later.load("one") == "one's"
-    assert later.load("other") is None, "compiled again, not taken for the other"
-    other.save("other", "other's")
-    assert (later.load("one"), later.load("other")) == ("one's", "other's")
+    assert later.load("one") in ("one's", None), "else it is compiled again"
+    assert later.load("other") in ("other's", None), "not the other's"
 
 
 def test_garbage_is_collected_less_often_while_a_kernel_is_compiled_and_as_before_afterwards() -> None:
