@@ -6,9 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from small_scenes import BLACK, instance, quad, scene_of, sphere_mesh
 
+from wall.core.data import Float64
 from wall.scene.model import Instance, Material, Mesh
+from wall.tracing import coplanar
 from wall.tracing.coplanar import BEHIND, depth_scales
 
 LAMP = Material(name="lamp", base_color=BLACK, emission=(1.0, 1.0, 1.0))
@@ -51,3 +54,20 @@ def test_objects_are_behind_those_whose_plane_and_place_they_share(
     turned = [replace(each, world_from_object=world @ each.world_from_object) for each in placed]
     scene = scene_of(meshes, turned, materials=[GREY, LAMP])
     np.testing.assert_array_equal(depth_scales(scene), 1.0 + BEHIND * np.array(behind))
+
+
+def test_of_many_objects_on_one_ground_few_pairs_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tops, undersides and sides of 400 boxes on a grid share planes, and lie beside each other there."""
+    looked_at, closely = [0], coplanar._overlap
+
+    def counted(ones: Float64, others: Float64) -> NDArray[np.bool_]:
+        looked_at[0] += len(ones)
+        return closely(ones, others)
+
+    monkeypatch.setattr(coplanar, "_overlap", counted)
+    ground, boxes = quad(30.0, 30.0), [box(1.0) for _ in range(400)]
+    places = [(1.5 * (k % 20) - 14.0, 1.5 * (k // 20) - 14.0, 0.5) for k in range(400)]
+    placed = [instance(0), *(instance(1 + k, at=place) for k, place in enumerate(places))]
+    scales = depth_scales(scene_of([ground, *boxes], placed, materials=[GREY]))
+    assert looked_at[0] < 400, "of 80,000 pairs of tops alone"
+    np.testing.assert_array_equal(scales, 1.0)
