@@ -1,9 +1,9 @@
 // Show a panel's image as its display needs it: table(gain light^gamma), see wall/operators/colour.py. With WebGL2.
 
+import { COVER, contextOf, program, texture } from "./webgl.js";
+
 const NODES_BYTES = 28;           // wall/display/stream.py, TABLE_HEADER
 
-const COVER = `#version 300 es
-void main() { gl_Position = vec4(4 * (gl_VertexID & 1) - 1, 4 * (gl_VertexID >> 1) - 1, 0, 1); }`;
 const GRADE = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2D; precision highp sampler3D;
 uniform sampler2D image;
@@ -45,15 +45,12 @@ export class Calibration {
 
   // `colour` of the layout; `table`: what the wall's /table/ID holds, null where there is none. Throws without WebGL2.
   constructor({ gain, gamma }, table) {
-    const gl = this.#gl = this.canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
-    if (!gl) throw new Error("no WebGL2");
-    const made = program(gl, COVER, GRADE);
+    const gl = this.#gl = contextOf(this.canvas), { program: made, at } = program(gl, COVER, GRADE);
     gl.useProgram(made);
-    this.#at = (name) => gl.getUniformLocation(made, name);
+    this.#at = at;
     gl.uniform3fv(this.#at("gain"), gain);
     gl.uniform1f(this.#at("gamma"), gamma);
     gl.uniform1i(this.#at("nodes"), 1);
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.activeTexture(gl.TEXTURE1);
     this.#load(table ?? new Float32Array([1, 0, 0, 0, 1, 1, 1, 0, 0, 0]).buffer, table !== null);
     gl.activeTexture(gl.TEXTURE0);
@@ -79,25 +76,4 @@ export class Calibration {
     gl.texImage3D(
       gl.TEXTURE_3D, 0, gl.RGB32F, count, count, count, 0, gl.RGB, gl.FLOAT, new Float32Array(bytes, NODES_BYTES));
   }
-}
-
-function texture(gl, kind) {
-  const made = gl.createTexture();
-  gl.bindTexture(kind, made);
-  gl.texParameteri(kind, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-  gl.texParameteri(kind, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-  return made;
-}
-
-function program(gl, ...sources) {
-  const made = gl.createProgram();
-  [gl.VERTEX_SHADER, gl.FRAGMENT_SHADER].forEach((kind, k) => {
-    const shader = gl.createShader(kind);
-    gl.shaderSource(shader, sources[k]);
-    gl.compileShader(shader);
-    gl.attachShader(made, shader);
-  });
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made) || "WebGL2 failed");
-  return made;
 }

@@ -5,6 +5,8 @@
 // says which byte each shows as, so that no arithmetic of the GPU decides about a byte. Only a tone mapping that takes
 // the three channels together is the GPU's: what it makes of them is looked up likewise.
 
+import { COVER, contextOf, program, texture } from "./webgl.js";
+
 const HEADER_BYTES = 20;          // wall/display/stream.py, SAMPLES_HEADER,
 const COUNTS_BYTES = 16;          // SAMPLES_COUNTS
 const MORE = 255;                 // and MORE
@@ -32,8 +34,6 @@ precision highp float; precision highp int;
 flat in uvec3 kept;
 out uvec4 sampled;
 void main() { sampled = uvec4(kept, 0u); }`;
-const COVER = `#version 300 es
-void main() { gl_Position = vec4(4 * (gl_VertexID & 1) - 1, 4 * (gl_VertexID >> 1) - 1, 0, 1); }`;
 const SHOW = `#version 300 es
 precision highp float; precision highp int; precision highp usampler2D;
 uniform usampler2D samples, codes;
@@ -68,8 +68,7 @@ export class Painter {
   // Throws an Error where the browser lacks what it takes.
   constructor() {
     this.#canvas = document.createElement("canvas");
-    const gl = this.#canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
-    if (!gl) throw new Error("no WebGL2");
+    const gl = contextOf(this.#canvas);
     if (!window.DecompressionStream) throw new Error("no DecompressionStream");
     this.#canvas.addEventListener("webglcontextlost", () => this.onlost());
     this.#gl = gl;
@@ -77,7 +76,6 @@ export class Painter {
     this.#show = program(gl, COVER, SHOW);
     this.#buffer = gl.createBuffer();
     gl.depthFunc(gl.GEQUAL);
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   }
 
   close() {
@@ -148,8 +146,8 @@ export class Painter {
 
   #make(width, height, version) {
     const gl = this.#gl, panel = { width, height, first: version, gain: undefined };
-    panel.texture = texture(gl, gl.RGBA16UI, width, height);
-    panel.codes = texture(gl, gl.R8UI, ...TABLE);
+    panel.texture = stored(gl, gl.RGBA16UI, width, height);
+    panel.codes = stored(gl, gl.R8UI, ...TABLE);
     panel.frame = gl.createFramebuffer();
     panel.depth = gl.createRenderbuffer();
     gl.bindRenderbuffer(gl.RENDERBUFFER, panel.depth);
@@ -224,25 +222,9 @@ function halfOf(bits) {
   return exponent ? (1 + mantissa / 1024) * 2 ** (exponent - 15) : mantissa * 2 ** -24;
 }
 
-function texture(gl, format, width, height) {
-  const made = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_2D, made);
+// Of one size for good.
+function stored(gl, format, width, height) {
+  const made = texture(gl, gl.TEXTURE_2D);
   gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
   return made;
-}
-
-function program(gl, ...sources) {
-  const made = gl.createProgram();
-  [gl.VERTEX_SHADER, gl.FRAGMENT_SHADER].forEach((kind, k) => {
-    const shader = gl.createShader(kind);
-    gl.shaderSource(shader, sources[k]);
-    gl.compileShader(shader);
-    gl.attachShader(made, shader);
-  });
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made) || "WebGL2 failed");
-  const places = {};
-  return { program: made, at: (name) => (places[name] ??= gl.getUniformLocation(made, name)) };
 }
