@@ -90,10 +90,7 @@ class Browser:
         self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="browser-reader")  # images do not wait for tables
-        self._server = Server(
-            host, port, tokens=access.tokens, steer_token=access.steer_token, watch_token=access.watch_token,
-            tls=access.tls, frames=THIS_MACHINE if embed else NOBODY,
-        )  # fmt: skip
+        self._server = Server(host, port, access=access, frames=THIS_MACHINE if embed else NOBODY)
         self._loop, self._gate, self._counters = self._server.loop, self._server.gate, self._server.counters
         routes = {
             "/": page_file,

@@ -36,12 +36,12 @@ RATE, BURST = 500.0, 1000.0  # messages a second of one viewer, and at once: a p
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Who gets in at the page: `tokens`, `steer_token`, `watch_token` of Gate, `tls` of tls_of."""
+    """Who gets in at the page and at metrics."""
 
-    tokens: bool = False
-    steer_token: str = ""
+    tokens: bool = False  # whether they are asked for
+    steer_token: str = ""  # lets steer, the next lets watch; "": a new one does
     watch_token: str = ""
-    tls: tuple[Path, Path] | None = None
+    tls: tuple[Path, Path] | None = None  # see tls_of
 
 
 ANYONE = Access()
@@ -50,17 +50,12 @@ ANYONE = Access()
 class Gate:
     """Belongs to the server's thread."""
 
-    def __init__(
-        self, host: str, counters: Counter[str], *, tokens: bool = False, steer_token: str = "", watch_token: str = ""
-    ) -> None:
-        """`host`: the address that the server is bound to; `tokens`: they are asked for.
-
-        `steer_token`, `watch_token`: let steer, or watch; "": a new one does.
-        """
+    def __init__(self, host: str, counters: Counter[str], access: Access = ANYONE) -> None:
+        """`host`: the address that the server is bound to."""
         self._host, self._counters = host, counters
         self._names = _own_names(host)
-        self._steer = (steer_token or secrets.token_urlsafe(TOKEN_BYTES)) if tokens else ""
-        self._watch = (watch_token or secrets.token_urlsafe(TOKEN_BYTES)) if tokens else ""
+        given = access.steer_token, access.watch_token
+        self._steer, self._watch = ((each or secrets.token_urlsafe(TOKEN_BYTES)) * access.tokens for each in given)
         self._silent: dict[Any, float] = {}  # since when, by connection
         self._spoke: set[Any] = set()  # connections
 

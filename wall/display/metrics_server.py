@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from aiohttp import web
 
 from wall.display.base import Status
+from wall.display.gate import ANYONE, Access
 from wall.display.metrics import CONTENT_TYPE, PageCounts, metrics_text, whole_status_message
 from wall.display.server import Server
 
@@ -14,21 +13,10 @@ from wall.display.server import Server
 class MetricsServer:
     """Serves from construction to `close`; behind the gate of the page."""
 
-    def __init__(
-        self,
-        host: str,
-        port: int,
-        *,
-        tokens: bool = False,
-        steer_token: str = "",
-        watch_token: str = "",
-        tls: tuple[Path, Path] | None = None,
-    ) -> None:
+    def __init__(self, host: str, port: int, *, access: Access = ANYONE) -> None:
         """See Browser. Raises RunError naming what cannot be had."""
         self._status: Status | None = None
-        self._server = Server(
-            host, port, tokens=tokens, steer_token=steer_token, watch_token=watch_token, tls=tls
-        )  # fmt: skip
+        self._server = Server(host, port, access=access)
         where = self._server.start({"/metrics": self._metrics, "/status.json": self._status_json})
         self.tokens = self._server.gate.tokens
         self.address = f"{where}metrics{self._server.gate.queries[1]}"

@@ -9,13 +9,12 @@ import threading
 from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import Future
-from pathlib import Path
 from typing import Any
 
 from aiohttp import web
 
 from wall.core.errors import RunError
-from wall.display.gate import Gate, tls_of, why_not
+from wall.display.gate import ANYONE, Access, Gate, tls_of, why_not
 
 KEEP_ALIVE_S = 30.0  # a connection that asks for nothing more
 HANDSHAKE_S = 5.0  # of TLS
@@ -41,25 +40,11 @@ async def _no_goodbye() -> None:
 class Server:
     """Serves from `start` to `close`."""
 
-    def __init__(
-        self,
-        host: str,
-        port: int,
-        *,
-        tokens: bool = False,
-        steer_token: str = "",
-        watch_token: str = "",
-        tls: tuple[Path, Path] | None = None,
-        frames: str = NOBODY,
-    ) -> None:
-        """`tokens`, `steer_token`, `watch_token`: see Gate; `tls`: see tls_of.
-
-        `frames`: whose pages may hold ours in a frame. Port 0 takes any free one.
-        """
+    def __init__(self, host: str, port: int, *, access: Access = ANYONE, frames: str = NOBODY) -> None:
+        """`frames`: whose pages may hold ours in a frame. Port 0 takes any free one."""
         self.counters = Counter[str]()  # of what was refused; written by the server's thread
         self._host, self._port, self._frames = host, port, frames
-        self.gate = Gate(host, self.counters, tokens=tokens, steer_token=steer_token, watch_token=watch_token)
-        self._tls = tls_of(tls)
+        self.gate, self._tls = Gate(host, self.counters, access), tls_of(access.tls)
         self.loop = asyncio.new_event_loop()
         self._stopping = asyncio.Event()
         self._thread: threading.Thread | None = None

@@ -27,6 +27,7 @@ from wall.run.page_requests import request_of
 
 if TYPE_CHECKING:
     from wall.display.browser import Browser
+    from wall.display.gate import Access
     from wall.display.metrics_server import MetricsServer
 
 
@@ -62,13 +63,12 @@ def make_sinks(
             sink = windows
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
-            from wall.display.gate import Access
 
-            served, access = output.browser, _access(layout.loaded, page)
-            port = _port(served.port, page)
+            served, port = output.browser, _port(output.browser.port, page)
+            access = _access(layout.loaded, page)
             sink = browser = Browser(
-                served.host, port, layout.wall, access=Access(**access), embed=served.embed, load=served.load
-            )
+                served.host, port, layout.wall, access=access, embed=served.embed, load=served.load
+            )  # fmt: skip
             lay_out(plan, [browser])
         sinks.append(sink)
     return sinks, browser
@@ -91,7 +91,7 @@ def make_metrics_server(plan: Plan, before: PageAt | None = None) -> MetricsServ
     from wall.display.metrics_server import MetricsServer  # and aiohttp, see above
 
     port = _port(output.metrics, before)
-    return MetricsServer(output.browser.host, port, **_access(plan.layout.loaded, before))
+    return MetricsServer(output.browser.host, port, access=_access(plan.layout.loaded, before))
 
 
 def _port(port: int, before: PageAt | None) -> int:
@@ -99,21 +99,17 @@ def _port(port: int, before: PageAt | None) -> int:
     return port if before is None else urlsplit(before.address).port or port
 
 
-def _access(loaded: Loaded, before: PageAt | None) -> dict[str, Any]:
-    """Who gets in at the page and at metrics: options of both. `before`: as there."""
-    from wall.display.gate import token_in
+def _access(loaded: Loaded, before: PageAt | None) -> Access:
+    """Who gets in at the page and at metrics. `before`: as there."""
+    from wall.display.gate import Access, token_in
 
     page, folder = loaded.config.output.browser, loaded.folder
     if before is not None:
         steer, watch = before.tokens
     else:
         steer, watch = "", "" if page.watch_token is None else token_in(folder / page.watch_token)
-    return {
-        "tokens": page.tokens,
-        "steer_token": steer,
-        "watch_token": watch,
-        "tls": None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key),
-    }
+    tls = None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key)
+    return Access(page.tokens, steer, watch, tls)
 
 
 def _windows(plan: Plan, rank: int) -> WindowSink | None:

@@ -14,6 +14,7 @@ from wall.commands.terminal import Terminal
 from wall.commands.top import TRIES, Wall, top
 from wall.core.errors import ConfigError, RunError
 from wall.display.base import RankStatus, RankTotals, Status
+from wall.display.gate import Access
 from wall.display.metrics_server import MetricsServer
 from wall.run.control_file import Control, announced
 
@@ -38,7 +39,7 @@ def status(seconds: float, cpu_s: float) -> Status:
 
 @pytest.fixture
 def server() -> Iterator[MetricsServer]:
-    with closing(MetricsServer("127.0.0.1", 0, tokens=True, watch_token=TOKEN)) as made:
+    with closing(MetricsServer("127.0.0.1", 0, access=Access(tokens=True, watch_token=TOKEN))) as made:
         made.tell(status(10.0, 4.0))
         yield made
 

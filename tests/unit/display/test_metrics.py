@@ -84,7 +84,7 @@ def test_the_page_serves_metrics_to_those_whom_it_lets_watch(two_panels, image, 
 
 
 def test_without_a_page_metrics_have_a_server_of_their_own(status):
-    with closing(MetricsServer("127.0.0.1", 0, tokens=True, watch_token=FIXED)) as server:
+    with closing(MetricsServer("127.0.0.1", 0, access=Access(tokens=True, watch_token=FIXED))) as server:
         [(early, _)] = answers(server.address, "status.json", token=FIXED)
         server.tell(status)
         found = answers(server.address, "metrics", "status.json", "stream", token=FIXED)
