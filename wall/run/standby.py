@@ -37,6 +37,7 @@ from wall.transport.curve import Keys
 MOST_HEADS, WITHIN_S = 3, 60.0  # another one takes over so often; after that its death ends the run
 MOST_BYTES = 1 << 20  # of what a head leaves
 WRITE_S = 0.1  # between two copies of it
+AWAKE_S = 0.5  # a signal that another thread of this process takes does not end a wait: it is passed on after it
 _PLACE = struct.Struct("<QII")  # count, bytes, checksum
 T = TypeVar("T")
 
@@ -228,7 +229,7 @@ class Stand(Generic[T]):
             self._pass_on(self._told, None)
 
     def _turn(self) -> None:
-        left = None if self._limit is None else max(0.0, self._limit - time.monotonic())
+        left = AWAKE_S if self._limit is None else min(AWAKE_S, max(0.0, self._limit - time.monotonic()))
         ready = wait([*filter(None, [self._pipe]), *self._children.sentinels], left)
         died = ""
         for rank, code in self._children.ended(ready):

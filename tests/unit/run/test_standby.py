@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from contextlib import closing
 from multiprocessing import Pipe
@@ -78,6 +79,22 @@ def test_a_run_that_is_told_to_end_while_its_head_is_replaced_ends(when: str, mo
         stand.run()
     assert signal.getsignal(signal.SIGTERM) is handler
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_a_signal_that_another_thread_takes_ends_the_run_too() -> None:
+    def head(bootstrap: StandbyBootstrap) -> str:
+        time.sleep(4.0)
+        return "went on"
+
+    def take() -> None:
+        time.sleep(0.3)  # by then the run waits for its head; taken any earlier the signal is seen on the way there
+        signal.pthread_kill(threading.get_ident(), signal.SIGTERM)
+
+    thread = threading.Thread(target=take)
+    thread.start()
+    with pytest.raises(RunError, match="terminated before"):
+        Stand(1, lambda bootstrap: None, head, encrypted=False).run()
+    thread.join()
 
 
 def test_metrics_stay_at_their_address_with_their_tokens() -> None:
