@@ -14,9 +14,9 @@ def usable_cores() -> float:
     return min([float(len(os.sched_getaffinity(0))), *(quota_of(*group) for group in groups_of_this_process())])
 
 
-def groups_of_this_process() -> list[tuple[Path, int]]:
+def groups_of_this_process(controller: str = "cpu", proc: Path = Path("/proc")) -> list[tuple[Path, int]]:
     """See groups_of."""
-    return groups_of(_read("/proc/self/cgroup"), _read("/proc/self/mountinfo"))
+    return groups_of(_read(proc / "self" / "cgroup"), _read(proc / "self" / "mountinfo"), controller)
 
 
 def quota_of(group: Path, version: int) -> float:
@@ -31,8 +31,8 @@ def quota_of(group: Path, version: int) -> float:
         return float("inf")
 
 
-def groups_of(cgroup: str, mountinfo: str) -> list[tuple[Path, int]]:
-    """Folders of cgroups with a CPU controller, with their version: this process's own first, then those above it.
+def groups_of(cgroup: str, mountinfo: str, controller: str = "cpu") -> list[tuple[Path, int]]:
+    """Folders of cgroups with a controller, with their version: this process's own first, then those above it.
 
     cgroup, mountinfo : texts of those files of /proc/self
     """
@@ -46,9 +46,10 @@ def groups_of(cgroup: str, mountinfo: str) -> list[tuple[Path, int]]:
         kind, _, options = right.split(" ", 2)
         root, mount = left.split()[3:5]
         if kind == "cgroup2":
-            found += [(folder, 2) for folder in _upwards(Path(mount), root, own.get("", "/")) if _has_cpu(folder)]
-        elif kind == "cgroup" and "cpu" in options.split(","):
-            found += [(folder, 1) for folder in _upwards(Path(mount), root, own.get("cpu", "/"))]
+            folders = _upwards(Path(mount), root, own.get("", "/"))
+            found += [(folder, 2) for folder in folders if controller in _read(folder / "cgroup.controllers").split()]
+        elif kind == "cgroup" and controller in options.split(","):
+            found += [(folder, 1) for folder in _upwards(Path(mount), root, own.get(controller, "/"))]
     return found
 
 
@@ -58,10 +59,6 @@ def _upwards(mount: Path, root: str, path: str) -> list[Path]:
     own = mount / below.lstrip("/")
     chain = [own, *own.parents]
     return [folder for folder in chain[: chain.index(mount) + 1] if folder.is_dir()]
-
-
-def _has_cpu(folder: Path) -> bool:
-    return "cpu" in _read(folder / "cgroup.controllers").split()
 
 
 def _read(path: str | Path) -> str:

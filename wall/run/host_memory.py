@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from wall.core.errors import ConfigError
 from wall.roles.memory import HostMemory, memory_on_host
 from wall.roles.plan import Layout, Plan
+from wall.run.cores import groups_of_this_process
 from wall.run.hosts import same_machine
 from wall.run.usage import memory
 
@@ -15,8 +16,10 @@ GB, MB = 1e9, 1e6
 SURELY = 1.25  # times what is left: by so much what is worked out may be too much, see docs/guide/configuration.md
 NO_LIMIT = 1 << 60  # bytes: what version 1 of control groups says where there is none is near 2^63
 FEWER_PIXELS = "fewer pixels, or fewer sampling.samples_per_pixel"
-FILES_1 = ("total_inactive_file", "total_active_file")  # pages that the kernel drops where memory is wanted
-FILES_2 = ("inactive_file", "active_file")
+FILES = {  # by version: the limit, what is used, and of memory.stat pages that the kernel drops where memory is wanted
+    1: ("memory.limit_in_bytes", "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),
+    2: ("memory.max", "memory.current", ("inactive_file", "active_file")),
+}
 REMEDIES = {
     "images": f"{FEWER_PIXELS}, or more ranks on more machines",
     "framelets": "fewer pixels, or more compositors on more machines",
@@ -27,7 +30,7 @@ REMEDIES = {
 }
 
 
-def available_bytes(proc: Path = Path("/proc"), groups: Path = Path("/sys/fs/cgroup")) -> int | None:
+def available_bytes(proc: Path = Path("/proc")) -> int | None:
     """Bytes that processes here may still take, by the kernel and by the limits of this one's control groups.
 
     None where that is not told: not Linux.
@@ -37,34 +40,12 @@ def available_bytes(proc: Path = Path("/proc"), groups: Path = Path("/sys/fs/cgr
         left = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
     except (OSError, ValueError, StopIteration):
         return None
-    return min([left, *_left_in_groups(proc, groups)])
-
-
-def _left_in_groups(proc: Path, groups: Path) -> Iterator[int]:
-    """Of each limit on this process: it less what is used; pages of files that can be dropped do not count."""
-    try:
-        lines = (proc / "self" / "cgroup").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return
-    for line in lines:
-        _, controllers, path = line.split(":", 2)
-        if controllers == "":  # version 2
-            root, names = groups, ("memory.max", "memory.current", FILES_2)
-        elif "memory" in controllers.split(","):
-            root = groups / "memory"
-            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", FILES_1)
-        else:
-            continue
-        own = root / path.lstrip("/")
-        for folder in (own, *own.parents):
-            if (left := _left_in(folder, *names)) is not None:
-                yield left
-            if folder == root:
-                break
+    limits = (_left_in(folder, *FILES[version]) for folder, version in groups_of_this_process("memory", proc))
+    return min([left, *(limit for limit in limits if limit is not None)])
 
 
 def _left_in(folder: Path, limit: str, usage: str, dropped: tuple[str, ...]) -> int | None:
-    """Of one group; None where it has no limit, or is not seen from here."""
+    """Of one group its limit less what is used, but for pages of files; None: it has no limit, or is not seen here."""
     try:
         most = int((folder / limit).read_text(encoding="ascii"))  # "max": none
         used = int((folder / usage).read_text(encoding="ascii"))

@@ -33,11 +33,16 @@ def plan_of(columns: int = 1) -> Plan:
 
 
 def machine(folder: Path, files: dict[str, str]) -> int | None:
-    """What is left on a machine with these files in /proc and /sys/fs/cgroup."""
-    for name, text in {"proc/meminfo": f"MemTotal: 99 kB\nMemAvailable:  {4 * GB // KB} kB\n", **files}.items():
+    """What is left on a machine with these files in /proc and, under groups, where control groups are mounted."""
+    mounts = (
+        f"32 31 0:29 / {folder}/groups rw - cgroup2 cgroup2 rw\n"
+        f"33 31 0:30 / {folder}/groups/memory rw - cgroup cgroup rw,memory\n"
+    )
+    told = {"proc/meminfo": f"MemTotal: 99 kB\nMemAvailable:  {4 * GB // KB} kB\n", "proc/self/mountinfo": mounts}
+    for name, text in (told | files).items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
-    return available_bytes(folder / "proc", folder / "groups")
+    return available_bytes(folder / "proc")
 
 
 def test_what_is_left_is_what_the_kernel_says_unless_a_group_may_take_less(tmp_path: Path) -> None:
@@ -46,7 +51,11 @@ def test_what_is_left_is_what_the_kernel_says_unless_a_group_may_take_less(tmp_p
     of_group = {"memory.max": f"{3 * GB}", "memory.current": f"{2 * GB}", "memory.stat": files}
     parent = {f"groups/docker/{name}": text for name, text in of_group.items()}
     group = {"groups/docker/a/memory.max": "max", "groups/docker/a/memory.current": "0"}
-    named = {"proc/self/cgroup": "0::/docker/a\n"}
+    named = {
+        "proc/self/cgroup": "0::/docker/a\n",
+        "groups/docker/cgroup.controllers": "cpu memory\n",
+        "groups/docker/a/cgroup.controllers": "memory\n",
+    }
     assert machine(tmp_path / "second", named | parent | group) == 2 * GB, "3 GB less what is not files"
     first = {
         "proc/self/cgroup": "5:cpu,cpuacct:/x\n4:memory:/jobs/7\n0::/\n",
@@ -61,9 +70,9 @@ def test_what_is_left_is_what_the_kernel_says_unless_a_group_may_take_less(tmp_p
 
 
 def test_where_nothing_tells_what_is_left_nothing_is_refused(tmp_path: Path) -> None:
-    assert available_bytes(tmp_path, tmp_path) is None
+    assert available_bytes(tmp_path) is None
     (tmp_path / "meminfo").write_text("MemFree: 12 kB\n")
-    assert available_bytes(tmp_path, tmp_path) is None
+    assert available_bytes(tmp_path) is None
     check_memory(plan_of(), range(2), forked=True, available=None, host="here")
 
 
