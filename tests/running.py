@@ -27,7 +27,7 @@ from PIL import Image
 from wall import cli
 
 WALL = (sys.executable, "-m", "wall")
-PICTURE_S = 20.0  # for a picture to come, or to change and stand still
+PICTURE_S = 20.0  # for something to come, or for a picture to change and stand still
 TRACED = 0.9  # of the pixels of a picture that is there: bezels are black, and what no sample has reached yet
 RUN_LIMIT_S = 90.0  # a run of a second, on a machine with more ranks than cores and a cold kernel cache
 
@@ -190,12 +190,17 @@ def shown(address: str) -> NDArray[np.int16]:
         time.sleep(0.1)
 
 
+def comes(condition: Callable[[], bool], what: str, limit_s: float = PICTURE_S) -> None:
+    """Wait until a condition holds; `what`: it, in words."""
+    limit = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < limit, f"never, for {limit_s} s: {what}"
+        time.sleep(0.05)
+
+
 def until_written(path: Path, words: str, limit_s: float) -> None:
     """Wait until a file that a run writes has these words."""
-    limit = time.monotonic() + limit_s
-    while not (path.exists() and words in path.read_text(encoding="utf-8")):
-        assert time.monotonic() < limit, f"no {words!r} in {path} after {limit_s} s"
-        time.sleep(0.05)
+    comes(lambda: path.exists() and words in path.read_text(encoding="utf-8"), f"{words!r} in {path}", limit_s)
 
 
 def until(address: str, before: NDArray[np.int16], *, changes: bool = True) -> NDArray[np.int16]:

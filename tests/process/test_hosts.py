@@ -8,14 +8,14 @@ import re
 import signal
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from running import page_of, panels, shown, start, summary, until, until_written, write_config
+from running import comes, page_of, panels, shown, start, summary, until, until_written, write_config
 
 from wall.client import connect
 from wall.config.loading import load
@@ -38,13 +38,6 @@ def hosts(tmp_path: Path) -> Iterator[Hosts]:
         pytest.skip(str(error))
     yield made
     made.close()
-
-
-def comes(condition: Callable[[], bool], what: str) -> None:
-    limit = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < limit, f"never: {what}"
-        time.sleep(0.05)
 
 
 def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_path: Path, hosts: Hosts) -> None:

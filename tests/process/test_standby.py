@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from running import page_of, session_of, shown, start, summary, until, until_written, write_config
+from running import comes, page_of, session_of, shown, start, summary, until, until_written, write_config
 
 from wall.client import connect
 
@@ -35,21 +36,15 @@ def control_of(out: Path) -> dict[str, Any]:
     return found
 
 
-def shown_again(address: str) -> NDArray[np.int16]:
-    limit = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            return shown(address)
-        except (urllib.error.URLError, ConnectionError):
-            assert time.monotonic() < limit, "the page did not come back"
-            time.sleep(0.05)
+def answers(address: str) -> bool:
+    with contextlib.suppress(urllib.error.URLError, ConnectionError):
+        shown(address)
+        return True
+    return False
 
 
 def until_shown(address: str, picture: NDArray[np.int16]) -> None:
-    limit = time.monotonic() + PATIENCE_S
-    while not np.array_equal(shown(address), picture):
-        assert time.monotonic() < limit, "that picture did not come back"
-        time.sleep(0.05)
+    comes(lambda: np.array_equal(shown(address), picture), "that picture again")
 
 
 def test_a_wall_goes_on_when_its_head_is_killed(tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +73,7 @@ def test_a_wall_goes_on_when_its_head_is_killed(tmp_path: Path, out: Path, monke
         assert stand == run.pid != before["pid"]
 
         os.kill(before["pid"], signal.SIGKILL)
-        shown_again(address)
+        comes(lambda: answers(address), "the page again")
         until_shown(address, near)  # the camera, and what was set
         after = control_of(out)
         assert after == before | {"pid": after["pid"]}
@@ -87,9 +82,7 @@ def test_a_wall_goes_on_when_its_head_is_killed(tmp_path: Path, out: Path, monke
         until(address, near)
 
         os.kill(renderer, signal.SIGKILL)
-        for line in run.stdout or ():
-            if "started again" in line:
-                break
+        until_written(out / "log" / "rank-1.jsonl", "started again", PATIENCE_S)
         wall.set({"sky.zenith": None})
         until_shown(address, first)
 
