@@ -207,10 +207,10 @@ class Compositor:
         """
         complete = self._is_complete()
         self._rests_since = min(self._rests_since, now) if complete else math.inf
-        rested = now - self._rests_since >= RESTS_S
-        news = complete != self._complete and (rested or not self._shows_only)
+        settled = not self._shows_only or now - self._rests_since >= RESTS_S
+        news = complete != self._complete and settled
         if news or self.standing.beat_due(now):
-            self._complete = complete and (rested or not self._shows_only)
+            self._complete = complete and settled
             yield from self._beat(now)
 
     @property

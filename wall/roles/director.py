@@ -89,7 +89,7 @@ class Director:
         self.sampler, self.compare, self.statistics = kept.sampler, kept.compare, kept.statistics
         self.event = replace(
             self.event, camera=self.wall_camera(), scene_time=self.time, paused=self.paused,
-            sampler=COMPARED_WITH if self.compare else self.sampler, compare=self.compare, statistics=self.statistics,
+            sampler=self.shown_sampler, compare=self.compare, statistics=self.statistics,
         )  # fmt: skip
 
     def update(
@@ -108,7 +108,7 @@ class Director:
         camera = self.wall_camera().tracked(self.tracker.eye(now), self._view.scale)
         scene_time = self.time if self._plan.scene.animated else 0.0
         old = self.event
-        sampler = COMPARED_WITH if self.compare else self.sampler
+        sampler = self.shown_sampler
         turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
         tone = tone_at(self._plan, scene_time, picture, view=self.view)
         moved = scene_time != old.scene_time or edits.of_scene != old.edits.of_scene
@@ -143,6 +143,11 @@ class Director:
         was, self._paused = self.event.paused, True
         self.event = replace(self.event, paused=True)
         return not was
+
+    @property
+    def shown_sampler(self) -> str:
+        """The one whose image is the wall's, or its own half of a comparison."""
+        return COMPARED_WITH if self.compare else self.sampler
 
     @property
     def name(self) -> str:
