@@ -176,30 +176,34 @@ def register(mi: Any) -> None:
             """Its name."""
             return "wall_opaque"
 
-    class Sheet(mi.BSDF):  # type: ignore[misc]
-        """color : texture, of what passes; roughness, ior : numbers. Only drawn, as a mirror is."""
+    class Drawn(mi.BSDF):  # type: ignore[misc]
+        """color : texture; roughness, ior : numbers. Only drawn, as a mirror is: no direction is aimed at."""
 
         def __init__(self, props: Any) -> None:
             mi.BSDF.__init__(self, props)
-            self.color, self.alpha, self.ior = props.get_texture("color"), props["roughness"] ** 2, props["ior"]
-            self.rough = props["roughness"]
+            self.color, self.rough, self.ior = props.get_texture("color"), props["roughness"], props["ior"]
+            self.alpha = self.rough**2
             both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-            self.m_components = [
-                mi.BSDFFlags.DeltaReflection | both, mi.BSDFFlags.DeltaTransmission | both
-            ]  # fmt: skip
+            self.m_components = [mi.BSDFFlags.DeltaReflection | both, mi.BSDFFlags.DeltaTransmission | both]
             self.m_flags = self.m_components[0] | self.m_components[1]
 
         def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-            """Nothing is aimed at."""
-            return mi.Spectrum(0.0), mi.Float(0.0)
+            """Nothing."""
+            return mi.Color3f(0.0), mi.Float(0.0)
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             """Nothing."""
-            return mi.Spectrum(0.0)
+            return mi.Color3f(0.0)
 
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             """Nothing."""
             return mi.Float(0.0)
+
+        def traverse(self, callback: Any) -> None:
+            """Nothing is to be changed."""
+
+    class Sheet(Drawn):
+        """color : of what passes."""
 
         def sample(self, ctx: Any, si: Any, choice: Any, numbers: Any, active: Any = True) -> tuple[Any, Any]:
             """Mirrored by a visible facet, or that seen through the sheet."""
@@ -219,9 +223,6 @@ def register(mi: Any) -> None:
             bs.sampled_type = dr.select(back, mi.UInt32(kinds[0]), mi.UInt32(kinds[1]))
             tint = dr.select(back, mi.Color3f(1.0), self.color.eval(si, active))
             return bs, dr.select(mi.Mask(active) & (wo.z > 0.0), tint * weight, 0.0)
-
-        def traverse(self, callback: Any) -> None:
-            """Nothing is to be changed."""
 
         def to_string(self) -> str:
             """Its name."""
@@ -248,27 +249,8 @@ def register(mi: Any) -> None:
         met = 2.0 * lower / dr.power(dr.maximum(1.0 - number, 1e-7), 1.0 / loss) - 1.0
         return dr.select(leaves, dr.inf, dr.clip(met, -1.0, 1.0))
 
-    class Walk(mi.BSDF):  # type: ignore[misc]
-        """color : texture, of what goes either way; roughness, ior : numbers. Only drawn, as a mirror is."""
-
-        def __init__(self, props: Any) -> None:
-            mi.BSDF.__init__(self, props)
-            self.color, self.alpha, self.ior = props.get_texture("color"), props["roughness"] ** 2, props["ior"]
-            both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-            self.m_components = [mi.BSDFFlags.DeltaReflection | both, mi.BSDFFlags.DeltaTransmission | both]
-            self.m_flags = self.m_components[0] | self.m_components[1]
-
-        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-            """Nothing is aimed at."""
-            return mi.Color3f(0.0), mi.Float(0.0)
-
-        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            """Nothing."""
-            return mi.Color3f(0.0)
-
-        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            """Nothing."""
-            return mi.Float(0.0)
+    class Walk(Drawn):
+        """color : of what goes either way."""
 
         def sample(self, ctx: Any, si: Any, choice: Any, numbers: Any, active: Any = True) -> tuple[Any, Any]:
             """From facet to facet until the light leaves; seen from the side of the index `here` heights are turned."""
@@ -304,9 +286,6 @@ def register(mi: Any) -> None:
             bs.sampled_type = dr.select(behind, mi.UInt32(kinds[1]), mi.UInt32(kinds[0]))
             weight = self.color.eval(si, active) * dr.select(behind, dr.square(1.0 / index), 1.0)
             return bs, dr.select(mi.Mask(active) & (way.z > 0.0), weight, 0.0)
-
-        def traverse(self, callback: Any) -> None:
-            """Nothing is to be changed."""
 
         def to_string(self) -> str:
             """Its name."""
