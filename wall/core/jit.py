@@ -36,6 +36,8 @@ from numba.core.runtime.nrt import rtsys
 
 from wall.core.garbage import collect_rarely
 
+numba.config.reload_config()  # type: ignore[attr-defined]  # whoever has imported numba before: now, amid no kernel
+VECTORS: int = numba.config.SLP_VECTORIZE  # type: ignore[attr-defined]
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 LONGEST_LOCK_S = 2.0  # of an index of compiled kernels, which another process holds for milliseconds
@@ -72,8 +74,7 @@ def _wait_for_compiler() -> None:
 
 
 _used: set[Path] = set()  # cache folders of this process
-_kernels: list[Any] = []  # of this process
-_scalar: set[Any] = set()  # of those, compiled without vectors of neighbours
+_kernels: dict[Any, int] = {}  # of this process: whether compiled with vectors of neighbours (SLP)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -84,7 +85,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 def bit_kernel(function: Callable[..., Any]) -> Any:
     """A kernel that packs bits: compiled without vectors of neighbours, which cost it 1.7 times what they save."""
     compiled = _compiled(function)
-    _scalar.add(compiled)
+    _kernels[compiled] = 0
     return compiled
 
 
@@ -97,7 +98,10 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 
 
 class _Settings(Listener):
-    """While a kernel is compiled: no vectors of neighbours (SLP) in some of them, and fewer garbage collections."""
+    """While a kernel is compiled: vectors of neighbours (SLP) or none, as is best for it, and fewer garbage collections.
+
+    Whoever had it compiled, and whatever numba was told before: the cache keeps it for all.
+    """
 
     def __init__(self) -> None:
         self._before: list[tuple[int, tuple[int, int, int]]] = []
@@ -106,8 +110,9 @@ class _Settings(Listener):
         """Remember the settings, and choose them for the kernel that is about to be compiled."""
         self._before.append((numba.config.SLP_VECTORIZE, gc.get_threshold()))  # type: ignore[attr-defined]
         collect_rarely()  # a sixth of the time of compiling, and no memory
-        if event.data["dispatcher"] in _scalar:
-            numba.config.SLP_VECTORIZE = 0  # type: ignore[attr-defined]
+        vectors = _kernels.get(event.data["dispatcher"])
+        if vectors is not None:
+            numba.config.SLP_VECTORIZE = vectors  # type: ignore[attr-defined]
 
     def on_end(self, event: Event) -> None:
         """Restore the settings."""
@@ -161,7 +166,7 @@ def lane_kernel(function: Callable[..., Any]) -> Any:
     """An inline_kernel for loops over the 16 lanes of a packet, which become vectors: compiled without vectors of
     neighbours, since LLVM makes no vectors of a loop that has some."""
     compiled = inline_kernel(function)
-    _scalar.add(compiled)
+    _kernels[compiled] = 0
     return compiled
 
 
@@ -180,7 +185,7 @@ def c_callback(signature: Any, function: Callable[..., Any]) -> Any:
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     _choose_cache(function)
     compiled = numba.njit(cache=True, **(OPTIONS | options))(function)
-    _kernels.append(compiled)
+    _kernels[compiled] = VECTORS
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         cache = compiled._cache
         cache._cache_file._load_index = _empty_if_outdated(cache._cache_file._load_index)

@@ -188,3 +188,27 @@ def test_a_kernel_that_a_thread_compiles_is_finished_before_its_process_ends(tmp
     ended = subprocess.run([sys.executable, source], env=environment, capture_output=True, text=True, timeout=120)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert list(tmp_path.rglob("*.total-*.nbc"))
+
+
+@pytest.mark.parametrize("first", ["numba", "wall"])
+def test_what_is_imported_first_does_not_change_how_kernels_are_compiled(first: str, tmp_path: Path) -> None:
+    source = tmp_path / "compiles.py"
+    source.write_text(
+        f"import {first}\n"
+        "import numba\n"
+        "from numba.core import event\n"
+        "from wall.core import jit\n"
+        "class Watch(event.Listener):\n"
+        "    def on_start(self, event): print(numba.config.SLP_VECTORIZE, end=' ')\n"
+        "    def on_end(self, event): print(numba.config.SLP_VECTORIZE, end=' ')\n"
+        "plain, bits, other = (make(lambda x: x + 1) for make in (jit.kernel, jit.bit_kernel, numba.njit))\n"
+        "event.register('numba:compile', Watch())\n"
+        "for kernel in (bits, plain, bits, plain):\n"
+        "    kernel(1) if kernel is plain else kernel(1.0)\n"
+        "other(1)\n"
+        "assert numba.config.SLP_VECTORIZE == 1\n"
+    )
+    unset = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    environment = {**unset, "NUMBA_CACHE_DIR": str(tmp_path)}
+    ended = subprocess.run([sys.executable, source], env=environment, capture_output=True, text=True, timeout=120)
+    assert (ended.returncode, ended.stdout.split(), ended.stderr) == (0, ["0", "1", "1", "1", "1", "1"], "")
