@@ -36,7 +36,7 @@ from numba.core.runtime.nrt import rtsys
 
 from wall.core.garbage import collect_rarely
 
-numba.config.reload_config()  # type: ignore[attr-defined]  # whoever has imported numba before: now, amid no kernel
+numba.config.reload_config()  # type: ignore[no-untyped-call]  # now, not amid a kernel, if numba was imported before
 VECTORS: int = numba.config.SLP_VECTORIZE  # type: ignore[attr-defined]
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
@@ -98,9 +98,9 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 
 
 class _Settings(Listener):
-    """While a kernel is compiled: vectors of neighbours (SLP) or none, as is best for it, and fewer garbage collections.
+    """While a kernel is compiled: vectors of neighbours (SLP) or none, as suits it, and fewer garbage collections.
 
-    Whoever had it compiled, and whatever numba was told before: the cache keeps it for all.
+    Whoever has it compiled, and whatever numba was told before: the cache keeps it for all.
     """
 
     def __init__(self) -> None:

@@ -232,6 +232,23 @@ def test_changes_of_lighting_are_detected_and_nothing_else(scene: Scene) -> None
     assert_allclose(found["change"], [0, 0, 0.5, 0.5, 1, 0], atol=1e-5)
 
 
+def test_the_smaller_part_of_an_edge_is_no_change_and_the_same_light_amid_a_surface_is(scene: Scene) -> None:
+    """Of the samples in column 10 nine are as light as what is left of it, and one as dark as what is right of it."""
+    light, dark = 0.9, 0.1
+    batches = [hits(centres(SIZE), GREEN) for _ in range(10)]
+    for k, samples in enumerate(batches):
+        x = samples["xy"][:, 0]
+        samples["sqrt_irradiance"] = np.where((x > 11) | ((x > 10) & (k == 4)), dark, light)
+    image = at_rest_after(scene, *batches, detects_change=True)
+    image.refresh(event_at(1), START + 1)
+    found = hits([(10.5, 9.5), (5.5, 9.5), (15.5, 9.5)], GREEN)
+    found["sqrt_irradiance"] = dark, dark, light
+
+    image.insert(found, START + 1, event_at(1))
+
+    assert_array_equal(found["change"], [0, 1, 1])
+
+
 def test_at_rest_changes_count_as_noise(scene: Scene) -> None:
     image = at_rest_after(scene, all_pixels(), detects_change=True)
     second = all_pixels(CHANGED)

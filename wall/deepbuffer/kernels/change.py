@@ -28,7 +28,8 @@ SMALL_CHANGE = np.float32(0.018)  # of the square root of irradiance: below it, 
 PER_CHANGE = np.float32(1.0 / 0.06)
 NOISE = np.float32(0.8)  # share of sqrt_irradiance's range over 3x3 pixels that counts as noise
 KNOWN = np.float32(3.0)  # accumulated samples from which a pixel's own deviation says what is noise:
-SIGMAS = np.float32(2.0)  # so many standard deviations
+SIGMAS = np.float32(2.0)  # so many standard deviations, or all of the range over 3x3 pixels if that is more
+ANY_OBJECT = -1
 CHUNK = 512  # samples at a time
 GRADIENT_SHARE = np.float32(1.0 / 16.0)  # of one sample in a tile's moving mean
 
@@ -47,10 +48,12 @@ def change_of(light, was, count, i, j, object_id, history):
     was = accumulation[i, j, IRRADIANCE_MEAN] if known else was
     difference = abs(light - was)
     if difference > SMALL_CHANGE:
-        if known:
-            noise = SIGMAS * np.sqrt(accumulation[i, j, IRRADIANCE_DEVIATIONS] / accumulation[i, j, COUNT])
-        else:
-            noise = NOISE * range_of(history.sqrt_irradiance, history.nearest, i, j, object_id)
+        noise = deviation_of(accumulation[i, j]) * SIGMAS
+        if difference - noise > SMALL_CHANGE:
+            if known:  # rather the smaller part of an edge that goes through the pixel?
+                noise = max(noise, range_of(history.sqrt_irradiance, history.nearest, i, j, ANY_OBJECT))
+            else:
+                noise = max(noise, NOISE * range_of(history.sqrt_irradiance, history.nearest, i, j, object_id))
         difference = max(difference - noise, ZERO)
     gradient = history.temporal_gradient
     tile = gradient[i // TILE, j // TILE]
@@ -59,13 +62,21 @@ def change_of(light, was, count, i, j, object_id, history):
 
 
 @inline_kernel
+def deviation_of(accumulation):
+    """The standard deviation of the square root of irradiance that a pixel accumulated, 0 while it has no sample."""
+    count = accumulation[COUNT]
+    return np.sqrt(accumulation[IRRADIANCE_DEVIATIONS] / count) if count > ZERO else ZERO
+
+
+@inline_kernel
 def range_of(irradiance, nearest, i, j, object_id):
-    """The range of the square root of irradiance over the 3x3 pixels around (i, j) that show the same object."""
+    """The range of the square root of irradiance over the 3x3 pixels around (i, j) that show an object, or any."""
     low, high = np.float32(np.inf), np.float32(-np.inf)
     for di in range(max(i - 1, 0), min(i + 2, nearest.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, nearest.shape[1])):
             weight = irradiance[di, dj, WEIGHT]
-            if nearest[di, dj, NEAREST_OBJECT] == object_id and weight > TRUSTED:
+            own = object_id == ANY_OBJECT or nearest[di, dj, NEAREST_OBJECT] == object_id
+            if own and weight > TRUSTED:
                 light = irradiance[di, dj, IRRADIANCE] / weight
                 low, high = min(low, light), max(high, light)
     return max(high - low, ZERO)
