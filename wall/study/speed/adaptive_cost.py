@@ -108,11 +108,16 @@ class Session:
         return batch
 
     def chosen(self, rays: int) -> tuple[Float32, Event]:
-        """Positions that would be chosen next, and for what; nothing of it is charged."""
-        event = self.event_at(self._now)
-        targets = self._sampler.choose(event, rays)
-        assert targets is not None
-        return targets.xy, event
+        """Positions that would be chosen next, batch by batch, and for what; nothing of it is charged.
+
+        At least `rays`. Those of more rays chosen at once would lie closer, and cost less.
+        """
+        event, chosen = self.event_at(self._now), list[Float32]()
+        while sum(map(len, chosen)) < rays:
+            targets = self._sampler.choose(event)
+            assert targets is not None
+            chosen.append(targets.xy)
+        return np.concatenate(chosen), event
 
     def _charge(self, stage: str, began: float) -> float:
         now = time.thread_time()
