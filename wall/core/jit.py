@@ -294,8 +294,9 @@ def wanted_cache_root() -> Path:
 @cache
 def source_hash(path: Path) -> str:
     """Hash of all that decides what a file's kernels compile to: its text and that of the `wall` files it imports."""
-    # numba does not tell bounds-checked builds apart
-    digest = hashlib.sha256((sys.version + numba.__version__ + os.environ.get("NUMBA_BOUNDSCHECK", "")).encode())
+    # numba does not tell bounds-checked builds apart, nor those without vectors of neighbours
+    told = f"{os.environ.get('NUMBA_BOUNDSCHECK', '')} {VECTORS}"
+    digest = hashlib.sha256((sys.version + numba.__version__ + told).encode())
     for source in sorted(_with_imports(path)):
         digest.update(_digest(source))
     return digest.hexdigest()[:16]

@@ -32,7 +32,6 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 MEAN_ALONE = np.float32(4.0)  # samples of a pixel whose mean is shown alone; with fewer it is mixed with the splats
-AROUND = 2  # pixels: an object that comes to a pixel has samples so near, if none in it
 BRIGHTEST = np.float32(1e12)  # luminance, in moments: squares and their sums stay finite
 SHARES = tuple(np.float32(share) for share in LUMINANCE)
 
@@ -146,10 +145,10 @@ def reject_accumulation(history, changed, tiles):
             top, left = row * TILE, column * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
             if history.accumulating[row, column]:
-                kept, near = False, any_changed(history.nearest, changed, top, bottom, left, right)
+                kept = False
                 for i in range(top, bottom):
                     for j in range(left, right):
-                        kept |= reject_pixel(history, changed, near, i, j)
+                        kept |= reject_pixel(history, changed, i, j)
                 history.accumulating[row, column] = kept
             if history.contradicted[row, column]:
                 history.rejection[top:bottom, left:right, AMOUNT] = ZERO
@@ -157,33 +156,17 @@ def reject_accumulation(history, changed, tiles):
 
 
 @inline_kernel
-def reject_pixel(history, changed, near, i, j):
-    """reject_accumulation for a pixel that may have one; returns whether it still has.
-
-    A pixel in which no sample is left, since newer ones elsewhere drove them out, keeps its accumulation, unless one
-    around it shows a changed object, which may have come there. near : bool, some pixel in or around its tile does
-    """
+def reject_pixel(history, changed, i, j):
+    """reject_accumulation for a pixel that may have one; returns whether it still has."""
     pixel = history.accumulation[i, j]
     if pixel[COUNT] == ZERO:
         return False
     object_id, amount = int(history.nearest[i, j, NEAREST_OBJECT]), history.rejection[i, j, AMOUNT]
-    shows_changed = near and object_id >= 0 and changed[object_id] != 0
-    if shows_changed or (near and object_id < 0 and any_changed(history.nearest, changed, i, i + 1, j, j + 1)):
+    if object_id < 0 or changed[object_id] != 0:
         pixel[:] = ZERO
     elif amount > ZERO:
         shorten(pixel, (ONE - amount) ** 3)  # one contradiction must outweigh many samples that agreed
     return pixel[COUNT] > ZERO
-
-
-@inline_kernel
-def any_changed(nearest, changed, top, bottom, left, right):
-    """Whether a pixel within AROUND of a rectangle shows one of the `changed` objects (n + 1,)."""
-    found = False
-    for i in range(max(top - AROUND, 0), min(bottom + AROUND, nearest.shape[0])):
-        for j in range(max(left - AROUND, 0), min(right + AROUND, nearest.shape[1])):
-            object_id = int(nearest[i, j, NEAREST_OBJECT])
-            found |= object_id >= 0 and changed[object_id] != 0
-    return found
 
 
 @kernel

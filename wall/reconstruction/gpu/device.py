@@ -16,7 +16,7 @@ import numpy as np
 
 from wall.core.colour import CURVE_STEPS
 from wall.core.errors import RunError
-from wall.deepbuffer.kernels.accumulation import AROUND, MEAN_ALONE
+from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, TRUSTED
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
 from wall.deepbuffer.kernels.cuts import NEAR
@@ -43,7 +43,7 @@ _COMPUTE = (
     "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh",
     "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
     "doubt", "cut_away", "splat", "collect", "accumulate", "unload", "surfaces", "newest_times",
-    "channels", "clear_gaps",
+    "channels",
 )  # fmt: skip
 _INTERPOLATING = ("expand", "resolve")  # read the coarser level
 _ADDING = ("splat", "accumulate")  # to sums of pixels
@@ -54,7 +54,7 @@ _CONSTANTS: dict[str, int | np.float32] = {
     "OBJECT_WORDS": OBJECT_WORDS, "LIGHT_WORDS": LIGHT_WORDS, "FAR": FAR, "NEAREST": NEAREST, "OUTSIDE": OUTSIDE,
     "LEAST_CONFIDENCE": LEAST_CONFIDENCE, "NORMAL_STEPS": NORMAL_STEPS, "LEAST_SQUARE": LEAST_SQUARE,
     "TRUSTED": TRUSTED, "SLOW_DECAY": np.float32(SLOW_DECAY), "CURVE_STEPS": np.float32(CURVE_STEPS),
-    "MEAN_ALONE": MEAN_ALONE, "AROUND": AROUND, "DOUBT_KEPT": KEPT, "DOUBT_LEAST": LEAST, "CUT_NEAR": NEAR,
+    "MEAN_ALONE": MEAN_ALONE, "DOUBT_KEPT": KEPT, "DOUBT_LEAST": LEAST, "CUT_NEAR": NEAR,
     **{
         name: getattr(visibility, name)
         for name in (

@@ -105,7 +105,6 @@ class Passes:
         if store.count:
             self._reproject(store, contradicted=flag, size=self._size)
         self._over_pixels(store, clear=0, contradicted=flag)
-        self._device.compute("clear_gaps", self._area, (self._nearest, self._objects), size=self._size)
         self._splat_sums.use(0)
         bounded = (self._nearest, self._bounds, self._objects)
         self._device.compute("bound_depths", self._area, bounded, size=self._size, behind_own=behind.own)

@@ -22,7 +22,7 @@ void main() {
         nearest[p] = seen ? vec4(screen[3 * k + DEPTH], screen[3 * k + X], screen[3 * k + Y], float(object_id[k]))
                           : vec4(uintBitsToFloat(INFINITY_BITS), 0.0, 0.0, -1.0);
         ivec2 at = ivec2(int(p) % imageSize(accumulation).x, int(p) / imageSize(accumulation).x);
-        if ((seen && changed(object_id[k])) || (before >= 0.0 && changed(uint(before)))) {
+        if (!seen || changed(object_id[k]) || (before >= 0.0 && changed(uint(before)))) {
             imageStore(accumulation, at, vec4(0.0));
         } else if (contradicted != 0) {
             float keep = 1.0 - uintBitsToFloat(rejection[p]);  // one contradiction outweighs many samples that agreed
