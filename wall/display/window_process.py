@@ -39,7 +39,7 @@ from wall.display.window_layout import TURNS, Box, Monitor, Place, WindowPositio
 START_WAIT_S = 15.0  # for all windows to be there; llvmpipe compiles its shaders in a tenth of a second
 OPEN_WAIT_S = 1.5  # for an X server to take a client
 END_WAIT_S = 0.5  # for a window to finish its swap
-AWAKE_S = 0.5  # between two looks at what no event tells
+AWAKE_S = 0.5  # threads that draw read the X connection too: an event that one of them takes in ends no wait
 MAX_PACKET = 1 << 20
 BLACK = (0.0, 0.0, 0.0)
 _DITHER = 0x0BD0  # GL_DITHER
@@ -196,7 +196,7 @@ class WindowProcess:
             return
         threading.Thread(target=self._listen, name="pictures", daemon=True).start()
         while self.windows and not self._ended:
-            glfw.wait_events_timeout(AWAKE_S)  # a window may have been told to close while another was opened
+            glfw.wait_events_timeout(AWAKE_S)
             for index, handler in list(self._inputs.items()):
                 for command in handler.commands():
                     self.tell(["command", command])

@@ -26,9 +26,9 @@ TRUSTED = np.float32(0.25)  # weight from which a pixel's own samples say what i
 LEAST_CONFIDENCE = np.float32(0.02)  # a sample with less is rejected
 SMALL_CHANGE = np.float32(0.018)  # of the square root of irradiance: below it, sampling noise
 PER_CHANGE = np.float32(1.0 / 0.06)
-NOISE = np.float32(0.8)  # share of sqrt_irradiance's range over 3x3 pixels that counts as noise
-KNOWN = np.float32(3.0)  # accumulated samples from which their mean is compared with; and whole ranges, of any object
-SIGMAS = np.float32(2.0)  # standard deviations of a pixel's samples that count as noise, if that is more
+SIGMAS = np.float32(2.0)  # standard deviations of what a pixel accumulated that count as noise, or if that is more
+NOISE = np.float32(0.8)  # this share of sqrt_irradiance's range over the 3x3 pixels that show the object; or, in pixels
+KNOWN = np.float32(3.0)  # that accumulated so many samples, all of the range over 3x3: there the mean is compared with
 ANY_OBJECT = -1
 CHUNK = 512  # samples at a time
 GRADIENT_SHARE = np.float32(1.0 / 16.0)  # of one sample in a tile's moving mean
@@ -50,10 +50,8 @@ def change_of(light, was, count, i, j, object_id, history):
     if difference > SMALL_CHANGE:
         noise = deviation_of(accumulation[i, j]) * SIGMAS
         if difference - noise > SMALL_CHANGE:
-            if known:  # rather the smaller part of an edge that goes through the pixel?
-                noise = max(noise, range_of(history.sqrt_irradiance, history.nearest, i, j, ANY_OBJECT))
-            else:
-                noise = max(noise, NOISE * range_of(history.sqrt_irradiance, history.nearest, i, j, object_id))
+            share, shown = (ONE, ANY_OBJECT) if known else (NOISE, object_id)  # the former: an edge through the pixel?
+            noise = max(noise, share * range_of(history.sqrt_irradiance, history.nearest, i, j, shown))
         difference = max(difference - noise, ZERO)
     gradient = history.temporal_gradient
     tile = gradient[i // TILE, j // TILE]
