@@ -196,9 +196,14 @@ class DeepBuffer:
         """To be called after the `count` samples of a part were weighed, before anything else is done."""
         kernels_sort.give_back(self._spare, count, self._indices, self.store)
 
-    def reject_accumulation(self, changed: NDArray[np.uint8], tiles: NDArray[np.bool_]) -> None:
-        """Clear what pixels of `changed` objects (n + 1,) accumulated, shorten it where it was contradicted."""
-        kernels_accumulation.reject_accumulation(self.history, changed, tiles)
+    def reject_accumulation(
+        self, changed: NDArray[np.uint8], tiles: NDArray[np.bool_], near: NDArray[np.bool_]
+    ) -> None:  # fmt: skip
+        """Clear what pixels of `changed` objects (n + 1,) accumulated, shorten it where it was contradicted.
+
+        tiles, near : (rows, columns), see kernels.accumulation
+        """
+        kernels_accumulation.reject_accumulation(self.history, changed, tiles, near)
 
     def keep(self, share: float) -> None:
         """Keep that share of the samples a pixel that it was made for, from the next refresh on."""

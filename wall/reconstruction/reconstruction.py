@@ -271,13 +271,14 @@ class Reconstruction:
         doubted = self.poses.doubted
         if doubted is not None:
             buffer.doubt(doubted)
-        tiles = buffer.reject_contradicted() | (not self._in_parts())
+        contradicted, shown = buffer.reject_contradicted(), np.zeros_like(buffer.history.dirty)
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
         if doubted is not None:
             changed |= doubted
-        buffer.reproject(moved, changed, tiles)
+        buffer.reproject(moved, changed, shown)
+        tiles = contradicted | shown | (not self._in_parts())
         redone = self._splat(moved, tiles | due, now)
-        buffer.reject_accumulation(changed, redone)
+        buffer.reject_accumulation(changed, redone, with_neighbours(shown))
         self._schedule.move(None if redone.all() else tiles)
 
     @property

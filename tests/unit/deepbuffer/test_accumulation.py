@@ -7,11 +7,11 @@ import pytest
 
 from wall.core.data import SAMPLE
 from wall.core.jit import kernel
-from wall.deepbuffer.kernels.accumulation import accumulate, reject_accumulation
-from wall.deepbuffer.kernels.columns import AMOUNT, COUNT, NEAREST_OBJECT
+from wall.deepbuffer.kernels.accumulation import accumulate, object_bits, reject_accumulation
+from wall.deepbuffer.kernels.columns import AMOUNT, COUNT, NEAREST_OBJECT, OBJECTS
 from wall.deepbuffer.store import PixelHistory
 
-WIDTH, HEIGHT, OBJECTS = 40, 20, 3
+WIDTH, HEIGHT, OBJECT_COUNT = 40, 20, 3
 
 
 @kernel
@@ -23,23 +23,24 @@ def accumulate_all(history, samples, pixels):
 
 def test_tiles_follow_the_accumulation(random_numbers: np.random.Generator) -> None:
     history = PixelHistory.of(WIDTH, HEIGHT, detects_change=False)
-    history.nearest[..., NEAREST_OBJECT] = random_numbers.integers(-1, OBJECTS, (HEIGHT, WIDTH))
+    history.nearest[..., NEAREST_OBJECT] = random_numbers.integers(-1, OBJECT_COUNT, (HEIGHT, WIDTH))
     everywhere = np.ones_like(history.dirty)
     for _ in range(40):
         samples = np.zeros(100, SAMPLE)
         samples["radiance"] = random_numbers.random((100, 3))
+        samples["object_id"] = random_numbers.integers(0, OBJECT_COUNT, 100)
         accumulate_all(history, samples, random_numbers.integers(0, (HEIGHT, WIDTH), (100, 2)))
         history.rejection[5:9, 5:30, AMOUNT] = random_numbers.choice([0.0, 0.5, 1.0], (4, 25))
         history.contradicted[0, :] = True
-        changed = random_numbers.integers(0, 2, OBJECTS).astype(np.uint8)
-        reject_accumulation(history, changed, everywhere)
+        changed = random_numbers.integers(0, 2, OBJECT_COUNT).astype(np.uint8)
+        reject_accumulation(history, changed, everywhere, everywhere)
         assert not history.rejection[..., AMOUNT].any()
         assert not history.contradicted.any()
         rows, columns = np.nonzero(history.accumulation[..., COUNT])
         assert {*zip(rows // 16, columns // 16, strict=True)} == {*zip(*np.nonzero(history.accumulating), strict=True)}
         shown = history.nearest[rows, columns, NEAREST_OBJECT].astype(int)
-        assert (shown >= 0).all()
-        assert not changed[shown].any()
+        assert not changed[shown[shown >= 0]].any()
+        assert not (history.accumulation[rows, columns, OBJECTS].astype(int) & object_bits(changed)).any()
     assert 0 < len(rows) < WIDTH * HEIGHT
 
 
@@ -49,7 +50,7 @@ def test_only_the_tiles_given_are_looked_at(random_numbers: np.random.Generator)
     accumulate_all(history, np.zeros(len(pixels), SAMPLE), pixels)
     tiles = np.zeros_like(history.dirty)
     tiles[1, 1] = True
-    reject_accumulation(history, np.ones(OBJECTS, np.uint8), tiles)
+    reject_accumulation(history, np.ones(OBJECT_COUNT, np.uint8), tiles, np.zeros_like(tiles))
     inside = np.zeros((HEIGHT, WIDTH), np.bool_)
     inside[16:, 16:32] = True
     np.testing.assert_array_equal(history.accumulation[..., COUNT] == 0.0, inside)

@@ -189,7 +189,7 @@ def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
         sampler.observe(samples)
         sampler.replan(known)
 
-    count, mean, deviations = (known.accumulation[..., k] for k in (3, 4, 5))
+    count, mean, deviations = (known.accumulation[..., k] for k in (3, 0, 5))
     assert (count >= kernels.BELIEVED).all()
     assert (np.sqrt(deviations / (4.0 * mean)) / count <= ENOUGH).all(), "standard error, from its own samples"
     assert np.sqrt(((mean - 0.25) ** 2).mean()) < ENOUGH
@@ -202,16 +202,15 @@ def observe(accumulated: Float32, i: ArrayLike, j: ArrayLike, values: Float64) -
     for row, column, value in zip(np.asarray(i), np.asarray(j), values, strict=True):
         pixel = accumulated[row, column]
         pixel[3] += 1
-        delta = value - pixel[4]
-        pixel[4] += delta / pixel[3]
-        pixel[5] += delta * (value - pixel[4])
+        delta = value - pixel[0]
+        pixel[:3] += delta / pixel[3]
+        pixel[5] += delta * (value - pixel[0])
 
 
 def gain_of_pixel(light: Float64, tone: Tone = AS_IT_IS, *, enough: float = ENOUGH) -> float:
     """Error reduction of one more sample of a grey pixel at rest that received this light (n,), beside alike pixels."""
     pixel = np.zeros((1, 1, ACCUMULATION_COLUMNS), np.float32)
     observe(pixel, np.zeros(len(light), int), np.zeros(len(light), int), light)
-    pixel[0, 0, :3] = pixel[0, 0, 4]
     none, n = np.float32(0.0), np.float32(len(light))
     return float(kernels.still_gain(pixel[0, 0], none, n, none, np.float32(enough), shown_as(tone)))
 

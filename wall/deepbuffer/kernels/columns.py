@@ -11,7 +11,8 @@ AMOUNT, BEFORE = 0, 1  # columns of PixelHistory.rejection: share of confidence,
 # columns of PixelHistory.accumulation; deviations are sums of squares
 RED, GREEN, BLUE = 0, 1, 2  # mean radiance
 COUNT = 3  # samples
-LUMINANCE_MEAN, LUMINANCE_DEVIATIONS = 4, 5  # of luminance up to BRIGHTEST
+OBJECTS = 4  # whose samples these are, a bit each; exact, see accumulation.object_bit
+LUMINANCE_DEVIATIONS = 5  # of luminance up to BRIGHTEST
 IRRADIANCE_MEAN, IRRADIANCE_DEVIATIONS = 6, 7  # of the square root of irradiance
 ACCUMULATION_COLUMNS = 8
 DEVIATIONS = 3  # column of PixelHistory.light, after red, green and blue; a sum of squares too

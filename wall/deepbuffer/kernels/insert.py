@@ -8,9 +8,21 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.core.kernels.albedo import light_of, unpack_albedo
-from wall.deepbuffer.kernels.accumulation import accumulate
-from wall.deepbuffer.kernels.change import TRUSTED, change_of, mark_contradicted
-from wall.deepbuffer.kernels.columns import COUNT, DEPTH, IRRADIANCE, NEAREST_OBJECT, SQRT_IRRADIANCE, WEIGHT, X, Y, Z
+from wall.deepbuffer.kernels.accumulation import accumulate, object_bit
+from wall.deepbuffer.kernels.change import KNOWN, TRUSTED, change_of, mark_contradicted
+from wall.deepbuffer.kernels.columns import (
+    COUNT,
+    DEPTH,
+    IRRADIANCE,
+    IRRADIANCE_MEAN,
+    NEAREST_OBJECT,
+    OBJECTS,
+    SQRT_IRRADIANCE,
+    WEIGHT,
+    X,
+    Y,
+    Z,
+)  # fmt: skip
 from wall.deepbuffer.kernels.lights import demodulate, pack_normal
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE, position_of
@@ -122,7 +134,7 @@ def find_positions(samples, first, last, pose, panel_from_object, image_rows, sh
 
 @inline_kernel
 def fetch_shown(samples, first, last, history, rows):
-    """Fill rows SHOWN_IRRADIANCE (-1: the image shows another object) and ACCUMULATED of a chunk."""
+    """Fill rows SHOWN_IRRADIANCE (-1: not known, or of another object) and ACCUMULATED of a chunk."""
     irradiance, nearest, accumulation = history.sqrt_irradiance, history.nearest, history.accumulation
     for k in range(first, last):
         r = k - first
@@ -133,6 +145,9 @@ def fetch_shown(samples, first, last, history, rows):
             known = (nearest[i, j, NEAREST_OBJECT] == samples[k]["object_id"]) & (weight > TRUSTED)
             rows[SHOWN_IRRADIANCE, r] = light / weight if known else -ONE
             rows[ACCUMULATED, r] = accumulation[i, j, COUNT]
+            alone = nearest[i, j, NEAREST_OBJECT] < ZERO and accumulation[i, j, COUNT] >= KNOWN  # a mean, none stored
+            if alone and accumulation[i, j, OBJECTS] == object_bit(samples[k]["object_id"]):
+                rows[SHOWN_IRRADIANCE, r] = accumulation[i, j, IRRADIANCE_MEAN]
 
 
 @inline_kernel

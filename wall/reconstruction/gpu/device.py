@@ -16,7 +16,7 @@ import numpy as np
 
 from wall.core.colour import CURVE_STEPS
 from wall.core.errors import RunError
-from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
+from wall.deepbuffer.kernels.accumulation import AROUND, BITS, MEAN_ALONE
 from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, TRUSTED
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
 from wall.deepbuffer.kernels.cuts import NEAR
@@ -40,8 +40,8 @@ NODES = ("/dev/dri/renderD*", "/dev/nvidia[0-9]*", "/dev/dxg", "/dev/kfd")  # wh
 MOST_DEVICES = 16  # of EGL that are looked at
 
 _COMPUTE = (
-    "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh",
-    "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
+    "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "gaps", "bound_depths", "ages", "cutoff",
+    "weigh", "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
     "doubt", "cut_away", "splat", "collect", "accumulate", "unload", "surfaces", "newest_times",
     "channels",
 )  # fmt: skip
@@ -54,7 +54,7 @@ _CONSTANTS: dict[str, int | np.float32] = {
     "OBJECT_WORDS": OBJECT_WORDS, "LIGHT_WORDS": LIGHT_WORDS, "FAR": FAR, "NEAREST": NEAREST, "OUTSIDE": OUTSIDE,
     "LEAST_CONFIDENCE": LEAST_CONFIDENCE, "NORMAL_STEPS": NORMAL_STEPS, "LEAST_SQUARE": LEAST_SQUARE,
     "TRUSTED": TRUSTED, "SLOW_DECAY": np.float32(SLOW_DECAY), "CURVE_STEPS": np.float32(CURVE_STEPS),
-    "MEAN_ALONE": MEAN_ALONE, "DOUBT_KEPT": KEPT, "DOUBT_LEAST": LEAST, "CUT_NEAR": NEAR,
+    "MEAN_ALONE": MEAN_ALONE, "AROUND": AROUND, "DOUBT_KEPT": KEPT, "DOUBT_LEAST": LEAST, "CUT_NEAR": NEAR,
     **{
         name: getattr(visibility, name)
         for name in (
@@ -62,7 +62,10 @@ _CONSTANTS: dict[str, int | np.float32] = {
         )
     },
 }  # fmt: skip
-_WORDS = {"NOWHERE": "0xffffffffu", "INFINITY_BITS": "0x7f800000u", "SUMS": "0", "CHANNELS": "4u"}
+_WORDS = {
+    "NOWHERE": "0xffffffffu", "INFINITY_BITS": "0x7f800000u", "SUMS": "0", "CHANNELS": "4u",
+    "OBJECT_BITS": f"{BITS}u",
+}  # fmt: skip
 
 
 class GpuError(RunError):

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from wall.core.colour import srgb_curve
 from wall.core.data import Float32, Float64
 from wall.core.tone_mapping import Tone
+from wall.deepbuffer.kernels.accumulation import BITS, object_bits
 from wall.deepbuffer.kernels.change import TRUSTED
-from wall.deepbuffer.kernels.columns import COUNT
+from wall.deepbuffer.kernels.columns import COUNT, OBJECTS
+from wall.deepbuffer.store import PixelHistory
 from wall.reconstruction.gpu.device import GROUP, OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.readback import Readback
 from wall.reconstruction.gpu.store import WORD_BYTES, GpuStore, reserve
@@ -39,6 +41,7 @@ class Passes:
         self._pixels = reserve(device, 2 * self._area)  # least depth, its sample
         self._rejection = reserve(device, 4 * self._area)  # share, ordinal, time, object
         self._nearest = reserve(device, 4 * self._area)
+        self._accumulated_objects = reserve(device, 2 * self._area)  # of means, of new samples
         self._bounds = reserve(device, 3 * self._area)
         self._resolved, self._shown = reserve(device, 3 * self._area), reserve(device, 3 * self._area)
         self._curve = device.context.buffer(srgb_curve().astype(np.uint32))
@@ -57,13 +60,14 @@ class Passes:
 
     def accumulate(self, store: GpuStore, first: int, n: int) -> None:
         """Let pixels accumulate the `n` samples from slot `first` on."""
-        buffers = (self._sums, store.arrays["screen_position"], store.arrays["radiance"])
+        names, noted = ("screen_position", "radiance", "object_id"), self._accumulated_objects
+        buffers = (self._sums, *(store.arrays[name] for name in names), noted)
         self._accumulation.use(0)
         self._accumulation.bind_to_image(0, read=True, write=True)
         for start in range(first, first + n, LARGEST_MERGE):
             part = min(LARGEST_MERGE, first + n - start)
             self._device.compute("accumulate", part, buffers, first=start, size=self._size)
-            self._device.compute("merge", self._area, (self._sums,))
+            self._device.compute("merge", self._area, (self._sums, noted))
 
     def reject(self, store: GpuStore, first: int, change: Float32, ordinal: int) -> None:
         """Mark what new samples contradict: `change` (n,) of those from slot `first` on."""
@@ -104,7 +108,10 @@ class Passes:
         evicts, flag = store.count > kept, int(contradicted)
         if store.count:
             self._reproject(store, contradicted=flag, size=self._size)
-        self._over_pixels(store, clear=0, contradicted=flag)
+        bits = int(object_bits(changed.view(np.uint8)))
+        self._over_pixels(store, clear=0, contradicted=flag, changed=bits, told_apart=int(len(changed) <= BITS))
+        if changed.any():
+            self._device.compute("gaps", self._area, (self._nearest, self._objects))
         self._splat_sums.use(0)
         bounded = (self._nearest, self._bounds, self._objects)
         self._device.compute("bound_depths", self._area, bounded, size=self._size, behind_own=behind.own)
@@ -122,7 +129,7 @@ class Passes:
         """Bring every pixel's nearest sample up to date after a rest, while nothing has moved; `table` see run."""
         self._place_again(store, table)
         if store.count:
-            self._over_pixels(store, clear=0, contradicted=0)
+            self._over_pixels(store, clear=0, contradicted=0, changed=0)
 
     def _place_again(self, store: GpuStore, table: Float32) -> None:
         """Find the least depths and their samples anew, while nothing has moved; `table` see run."""
@@ -134,6 +141,7 @@ class Passes:
         a, run = store.arrays, self._device.compute
         names = ("position", "object_id", "state", "screen_position")
         buffers = (*(a[name] for name in names), self._objects, self._rejection, self._pixels)
+        self._accumulation.bind_to_image(0, read=False, write=True)
         run("reproject", store.count, buffers, **uniforms)
         run("nearest_slot", store.count, (a["screen_position"], self._pixels), **uniforms)
 
@@ -142,7 +150,7 @@ class Passes:
         if store is not None:
             arrays = (store.arrays["screen_position"], store.arrays["object_id"])
         self._accumulation.bind_to_image(0, read=True, write=True)
-        buffers = (*arrays, self._objects, self._pixels, self._rejection, self._nearest)
+        buffers = (*arrays, self._objects, self._pixels, self._rejection, self._nearest, self._accumulated_objects)
         self._device.compute("nearest", self._area, buffers, **uniforms)
 
     def _splat(self, store: GpuStore, **uniforms: Any) -> None:
@@ -227,9 +235,12 @@ class Passes:
         """The buffer, or a new one if it has fewer bytes. Raises GpuError where memory ends."""
         return buffer if buffer.size >= size else reserve(self._device, -(-size // WORD_BYTES))
 
-    def read_accumulation(self, accumulation: Float32) -> None:
-        """(h, w, 8) float32, means and counts written."""
-        accumulation[..., :CHANNELS] = self._read_means()
+    def read_history(self, history: PixelHistory) -> None:
+        """What pixels accumulated, means and counts, and whose samples these hold, written."""
+        history.accumulation[..., :CHANNELS] = self._read_means()
+        objects = np.empty(self._area, np.uint32)
+        self._readback.read(self._accumulated_objects, objects)
+        history.accumulation[..., OBJECTS] = objects.reshape(history.accumulation.shape[:2])
 
     def read_resolved(self, resolved: Float32) -> None:
         """(h, w, 3) float32, written: the image without what pixels accumulated."""
@@ -239,9 +250,10 @@ class Passes:
         """(h, w) float32: how many samples each pixel has accumulated."""
         return self._read_means()[..., COUNT]
 
-    def write_accumulation(self, accumulation: Float32) -> None:
-        """(h, w, 8) float32, of which means and counts are taken."""
-        self._accumulation.write(np.ascontiguousarray(accumulation[..., :CHANNELS]))
+    def write_history(self, history: PixelHistory) -> None:
+        """Take over what pixels accumulated, see read_history."""
+        self._accumulation.write(np.ascontiguousarray(history.accumulation[..., :CHANNELS]))
+        self._accumulated_objects.write(history.accumulation[..., OBJECTS].astype(np.uint32))
 
     def clear_accumulation(self) -> None:
         """Forget what pixels have accumulated."""

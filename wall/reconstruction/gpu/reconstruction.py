@@ -250,7 +250,7 @@ class GpuReconstruction:
     def _rest(self) -> None:
         """Nothing moves any more: the accumulation and the resolved splats travel to the CPU."""
         self._send(moving=True)
-        self._passes.read_accumulation(self._history.accumulation)
+        self._passes.read_history(self._history)
         self._passes.read_resolved(self._resolved)
         self._history.accumulating[:] = True
         self._history.begun[0] = len(self._history.begun)  # which pixels is not known
@@ -272,7 +272,7 @@ class GpuReconstruction:
         if self.poses.camera_moved:
             self._passes.clear_accumulation()
         elif stood and not self.nothing_moves:
-            self._passes.write_accumulation(history.accumulation)
+            self._passes.write_history(history)
             self._passes.find_nearest(self._store, pose.panel_from_object)
         self._passes.run(
             self._store, pose.panel_from_object, moved, moved | relit,

@@ -10,7 +10,8 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.core.kernels.hashing import hash_uint32
 from wall.core.kernels.tone_mapping import NONE, shown_grey, slope_of_display
-from wall.deepbuffer.kernels.columns import BLUE, COUNT, GREEN, LUMINANCE_DEVIATIONS, LUMINANCE_MEAN, RED
+from wall.deepbuffer.kernels.accumulation import bounded_luminance
+from wall.deepbuffer.kernels.columns import BLUE, COUNT, GREEN, LUMINANCE_DEVIATIONS, RED
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y
 
@@ -196,7 +197,8 @@ def still_gain(pixel, contrast, n, floor, enough, tone):
     """
     gain = tone.gain
     deviations = gain * gain * pixel[LUMINANCE_DEVIATIONS]
-    slope = slope_of_display(max(gain * pixel[LUMINANCE_MEAN], DARKEST), tone.mapping)
+    shown = gain * bounded_luminance(pixel[RED], pixel[GREEN], pixel[BLUE])
+    slope = slope_of_display(max(shown, DARKEST), tone.mapping)
     count = max(n, ONE)
     variance = min((slope * deviations + contrast) / count, count)  # no error is larger than the display's range
     beyond = max(gain * min(pixel[RED], pixel[GREEN], pixel[BLUE]) - tone.white, ZERO)

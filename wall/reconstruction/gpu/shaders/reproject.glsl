@@ -1,4 +1,5 @@
-// Every sample: lose confidence where it was contradicted, move with its object, find the least depth of its pixel.
+// Every sample: lose confidence where it was contradicted, clear what its pixel accumulated if its object moved or is lit
+// anew, move with its object, find the least depth of its pixel.
 layout(std430, binding = 0) readonly buffer Position { float position[]; };
 layout(std430, binding = 1) readonly buffer ObjectId { uint object_id[]; };
 layout(std430, binding = 2) buffer State { float state[]; };  // time, confidence
@@ -6,6 +7,7 @@ layout(std430, binding = 3) buffer ScreenPosition { float screen[]; };  // x, y,
 layout(std430, binding = 4) readonly buffer Objects { float objects[]; };  // each: panel_from_object, MOVED, CHANGED
 layout(std430, binding = 5) readonly buffer Rejection { uint rejection[]; };  // planes: share, ordinal, time, object
 layout(std430, binding = 6) buffer Pixels { uint pixels[]; };  // planes: bits of the least depth, slot of its sample
+layout(rgba32f, binding = 0) writeonly uniform image2D accumulation;  // mean radiance, count
 uniform ivec2 size;
 uniform int contradicted;
 
@@ -37,6 +39,7 @@ void main() {
         state[2 * k + CONFIDENCE] = confidence;
     }
     uint row = OBJECT_WORDS * object_id[k];
+    if (objects[row + CHANGED] != 0.0 && at.z > 0.0) imageStore(accumulation, ivec2(at.xy), vec4(0.0));
     if (objects[row + MOVED] != 0.0) at = moved_to(k, row);
     if (confidence == 0.0) at.z = OUTSIDE;
     screen[3 * k + X] = at.x;
