@@ -20,7 +20,7 @@ from wall.deepbuffer.kernels import insert as kernels_insert
 from wall.deepbuffer.kernels import reproject as kernels_reproject
 from wall.deepbuffer.kernels import reproject_rows as kernels_rows
 from wall.deepbuffer.kernels import sort as kernels_sort
-from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
+from wall.deepbuffer.kernels.accumulation import BITS, MEAN_ALONE
 from wall.deepbuffer.kernels.columns import BEFORE
 from wall.deepbuffer.kernels.coverage import count_by_cell
 from wall.deepbuffer.kernels.doubt import FRESH
@@ -163,7 +163,7 @@ class DeepBuffer:
         """Bring the samples of `moved` objects (n + 1,) to the pose shown.
 
         What pixels accumulated that show one of the `changed` objects (n + 1,) before or after, those that moved among
-        them, is cleared. Sets the tiles (rows, columns) bool where there are such pixels.
+        them, is cleared, here or by `reject_accumulation`. Sets the tiles (rows, columns) bool where such pixels are.
         """
         pose, history, everything = self.poses.pose, self.history, changed.all()
         assert pose is not None
@@ -171,7 +171,10 @@ class DeepBuffer:
             history.clear_accumulation()
             tiles[:] = True
         else:
-            kernels_accumulation.mark_changed(self.store, self.count, changed, tiles, history.accumulation)
+            means = history.accumulation[: 0 if len(changed) <= BITS else None]  # see reject_accumulation
+            kernels_accumulation.mark_changed(self.store, self.count, changed, tiles, means)
+        if not moved.any():
+            return
         height, width = history.nearest.shape[:2]
         size, table, rows = (np.float32(width), np.float32(height)), pose.panel_from_object, self.poses.rows
         if rows is not None:

@@ -186,14 +186,15 @@ def test_with_another_number_every_tile_changes(scene: Scene) -> None:
 
 
 def test_a_contradiction_takes_weight_from_the_same_object_around_and_from_nothing_else(scene: Scene) -> None:
-    """Rejection is 1 / (1 + d^2 / 2) at a distance of d pixels, up to 1: all at the pixel, 2/3 beside, 1/2 across."""
+    """Rejection is 1 / (1 + d^2 / 2) at a distance of d pixels, in a square of 5: all at the pixel, 2/3 beside it."""
     plain = weights(seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE)))
     image = seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE, change=1.0))
 
     kept = weights(image) / plain
 
-    expected = np.ones((SIZE[1], SIZE[0]))
-    expected[8:11, 22:25] = [[0.5, 1 / 3, 1], [1 / 3, 0, 1], [0.5, 1 / 3, 1]]  # from column 24 on it is the plate
+    i, j = np.mgrid[: SIZE[1], : SIZE[0]]
+    reached = (np.abs(i - 9) <= 2) & (np.abs(j - 23) <= 2) & (j < 24)  # from column 24 on it is the plate
+    expected = np.where(reached, 1.0 - 1.0 / (1.0 + 0.5 * ((i - 9) ** 2 + (j - 23) ** 2)), 1.0)
     kept[9, 23] -= 1 / plain[9, 23]  # the red sample itself
     assert_allclose(kept, expected, atol=1e-5)
     assert_allclose(image.resolved[9, 23], RED, atol=1e-5)
@@ -216,6 +217,16 @@ def test_a_contradicted_pixel_at_rest_forgets_its_mean(scene: Scene) -> None:
 
     assert_allclose(image.radiance[9, 10], RED, atol=1e-3)
     assert_allclose(image.radiance[9, 14], GREEN, atol=1e-3)
+
+
+def test_a_contradiction_beside_an_object_leaves_that_object_s_means(scene: Scene) -> None:
+    image = at_rest_after(scene, *(all_pixels() for _ in range(8)))
+    image.refresh(event_at(1), START + 1)
+    image.insert(lit(hits([(23.5, 9.5)], RED), NO_CHANGE, change=1.0), START + 1, event_at(1))
+    image.refresh(event_at(2), START + 1 + REFRESH_S)
+    counts = image.accumulated_counts()
+    assert (counts[9, 21:24] < 8).all()
+    assert (counts[9, 24:] == 8).all(), "of the plate"
 
 
 def test_changes_of_lighting_are_detected_and_nothing_else(scene: Scene) -> None:

@@ -168,7 +168,7 @@ def reject_accumulation(history, changed, tiles, near):
     near : (rows, columns) bool, tiles in which, or beside which, changed objects may show; looked at as well
     """
     height, width = history.accumulation.shape[0], history.accumulation.shape[1]
-    bits = object_bits(changed)
+    bits, covered = object_bits(changed), np.empty(TILE + 2 * AROUND, np.uint32)
     for row in range(tiles.shape[0]):
         for column in range(tiles.shape[1]):
             if not (tiles[row, column] or near[row, column]):
@@ -176,10 +176,12 @@ def reject_accumulation(history, changed, tiles, near):
             top, left = row * TILE, column * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
             if history.accumulating[row, column]:
-                kept = False
+                kept = unknown = False
                 for i in range(top, bottom):
-                    for j in range(left, right):
-                        kept |= reject_pixel(history, changed, bits, near[row, column], i, j)
+                    own, alone = reject_in_row(history, changed, bits, i, left, right)
+                    kept, unknown = kept | own, unknown | alone
+                if unknown and near[row, column]:
+                    kept = clear_covered(history, changed, top, left, bottom, right, covered)
                 history.accumulating[row, column] = kept
             if history.contradicted[row, column]:
                 history.rejection[top:bottom, left:right, AMOUNT] = ZERO
@@ -187,36 +189,67 @@ def reject_accumulation(history, changed, tiles, near):
 
 
 @inline_kernel
-def shows_changed(nearest, changed, top, left, bottom, right):
-    """Whether a changed object shows in the pixels of a rectangle that lie in the image."""
-    for i in range(max(top, 0), min(bottom, nearest.shape[0])):
-        for j in range(max(left, 0), min(right, nearest.shape[1])):
-            object_id = int(nearest[i, j, NEAREST_OBJECT])
-            if object_id >= 0 and changed[object_id] != 0:
-                return True
-    return False
+def reject_in_row(history, changed, bits, i, left, right):
+    """reject_accumulation for some pixels of a row, but for what may cover them. bits : of `changed`.
+
+    Returns
+    -------
+    kept, unknown : bool, some still have one; and some of these store no sample
+    """
+    kept = unknown = False
+    pixels, objects = history.accumulation[i, left:right], history.nearest[i, left:right, NEAREST_OBJECT]
+    amounts, told_apart = history.rejection[i, left:right, AMOUNT], changed.shape[0] <= BITS
+    for k in range(pixels.shape[0]):
+        if pixels[k, COUNT] == ZERO:
+            continue
+        object_id, held = int(objects[k]), uint32(pixels[k, OBJECTS])
+        stored = object_id >= 0
+        if (held & bits and (told_apart or not stored)) or (stored and changed[object_id] != 0):
+            pixels[k] = ZERO
+            continue
+        if amounts[k] > ZERO and (held & object_bit(history.rejected_object[i, left + k])) != 0:
+            shorten(pixels[k], (ONE - amounts[k]) ** 3)  # one contradiction must outweigh many samples that agreed
+        own = pixels[k, COUNT] > ZERO
+        kept, unknown = kept | own, unknown | (own & (not stored))
+    return kept, unknown
 
 
 @inline_kernel
-def reject_pixel(history, changed, bits, near, i, j):
-    """reject_accumulation for a pixel that may have one; returns whether it still has.
+def clear_covered(history, changed, top, left, bottom, right, covered):
+    """Clear the accumulation of those pixels of a tile that a changed object may have come to cover.
 
-    bits : uint32, of the changed objects; near : bool, one of them may show within AROUND pixels
+    covered : (TILE + 2 AROUND,) uint32, written
+    Returns whether any pixel still has one.
     """
-    pixel = history.accumulation[i, j]
-    if pixel[COUNT] == ZERO:
-        return False
-    object_id, amount = int(history.nearest[i, j, NEAREST_OBJECT]), history.rejection[i, j, AMOUNT]
-    gone = (uint32(pixel[OBJECTS]) & bits) != 0 and (object_id < 0 or changed.shape[0] <= BITS)
-    if object_id >= 0:
-        gone |= changed[object_id] != 0
-    elif near and not gone:
-        gone = shows_changed(history.nearest, changed, i - AROUND, j - AROUND, i + AROUND + 1, j + AROUND + 1)
-    if gone:
-        pixel[:] = ZERO
-    elif amount > ZERO:
-        shorten(pixel, (ONE - amount) ** 3)  # one contradiction must outweigh many samples that agreed
-    return pixel[COUNT] > ZERO
+    nearest, accumulation, kept = history.nearest, history.accumulation, False
+    for r in range(covered.shape[0]):  # bit k of a row: whether one shows in it within AROUND columns of left + k
+        covered[r] = changed_in_row(nearest, changed, top + r - AROUND, left, right)
+    for i in range(top, bottom):
+        bits = uint32(0)
+        for r in range(2 * AROUND + 1):
+            bits |= covered[i - top + r]
+        for j in range(left, right):
+            if accumulation[i, j, COUNT] == ZERO:
+                continue
+            if nearest[i, j, NEAREST_OBJECT] < ZERO and (bits >> uint32(j - left)) & uint32(1):
+                accumulation[i, j] = ZERO
+            kept |= accumulation[i, j, COUNT] > ZERO
+    return kept
+
+
+@inline_kernel
+def changed_in_row(nearest, changed, i, left, right):
+    """Bit k: whether a changed object shows in row i within AROUND columns of left + k; the row may not exist."""
+    bits = uint32(0)
+    if 0 <= i < nearest.shape[0]:
+        for j in range(max(left - AROUND, 0), min(right + AROUND, nearest.shape[1])):
+            object_id = int(nearest[i, j, NEAREST_OBJECT])
+            if object_id >= 0 and changed[object_id] != 0:
+                bits |= uint32(1) << uint32(j - left + AROUND)
+    near = bits
+    for k in range(2 * AROUND):
+        near |= bits >> uint32(k + 1)
+    return near
 
 
 @kernel

@@ -21,7 +21,7 @@ from wall.deepbuffer.kernels.columns import (
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 uint32 = np.uint32  # as indices: no check for negative ones that wrap around
-ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
 TRUSTED = np.float32(0.25)  # weight from which a pixel's own samples say what it shows
 LEAST_CONFIDENCE = np.float32(0.02)  # a sample with less is rejected
 SMALL_CHANGE = np.float32(0.018)  # of the square root of irradiance: below it, sampling noise
@@ -30,6 +30,8 @@ SIGMAS = np.float32(2.0)  # standard deviations of what a pixel accumulated that
 NOISE = np.float32(0.8)  # this share of sqrt_irradiance's range over the 3x3 pixels that show the object; or, in pixels
 KNOWN = np.float32(3.0)  # that accumulated so many samples, all of the range over 3x3: there the mean is compared with
 ANY_OBJECT = -1
+REACH = 2  # pixels: so far around a contradicted one older samples lose confidence
+SHARE_AT = 1.0 / (1.0 + 0.5 * np.square(np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1]).sum(0)).astype(np.float32)
 CHUNK = 512  # samples at a time
 GRADIENT_SHARE = np.float32(1.0 / 16.0)  # of one sample in a tile's moving mean
 
@@ -82,15 +84,14 @@ def range_of(irradiance, nearest, i, j, object_id):
 
 @inline_kernel
 def mark_contradicted(history, i, j, change, time, object_id):
-    """Mark the 3x3 pixels around a contradicted one (i, j) for history rejection, less with distance.
+    """Mark the pixels within REACH of a contradicted one (i, j) for history rejection, less with distance.
 
     The greatest share of a pixel stays. change : float32, 0..1; time : float32, the contradicting sample's
     """
     rejection, rejected_object = history.rejection, history.rejected_object
-    for di in range(max(i - 1, 0), min(i + 2, rejection.shape[0])):
-        for dj in range(max(j - 1, 0), min(j + 2, rejection.shape[1])):
-            square = (di - i) * (di - i) + (dj - j) * (dj - j)
-            amount = change / (ONE + HALF * np.float32(square))
+    for di in range(max(i - REACH, 0), min(i + REACH + 1, rejection.shape[0])):
+        for dj in range(max(j - REACH, 0), min(j + REACH + 1, rejection.shape[1])):
+            amount = change * SHARE_AT[di - i + REACH, dj - j + REACH]
             if amount > rejection[di, dj, AMOUNT]:
                 rejection[di, dj, AMOUNT] = amount
                 rejection[di, dj, BEFORE] = time

@@ -17,7 +17,7 @@ import numpy as np
 from wall.core.colour import CURVE_STEPS
 from wall.core.errors import RunError
 from wall.deepbuffer.kernels.accumulation import AROUND, BITS, MEAN_ALONE
-from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, TRUSTED
+from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, REACH, TRUSTED
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
 from wall.deepbuffer.kernels.cuts import NEAR
 from wall.deepbuffer.kernels.doubt import KEPT, LEAST
@@ -54,7 +54,8 @@ _CONSTANTS: dict[str, int | np.float32] = {
     "OBJECT_WORDS": OBJECT_WORDS, "LIGHT_WORDS": LIGHT_WORDS, "FAR": FAR, "NEAREST": NEAREST, "OUTSIDE": OUTSIDE,
     "LEAST_CONFIDENCE": LEAST_CONFIDENCE, "NORMAL_STEPS": NORMAL_STEPS, "LEAST_SQUARE": LEAST_SQUARE,
     "TRUSTED": TRUSTED, "SLOW_DECAY": np.float32(SLOW_DECAY), "CURVE_STEPS": np.float32(CURVE_STEPS),
-    "MEAN_ALONE": MEAN_ALONE, "AROUND": AROUND, "DOUBT_KEPT": KEPT, "DOUBT_LEAST": LEAST, "CUT_NEAR": NEAR,
+    "MEAN_ALONE": MEAN_ALONE, "AROUND": AROUND, "REACH": REACH,
+    "DOUBT_KEPT": KEPT, "DOUBT_LEAST": LEAST, "CUT_NEAR": NEAR,
     **{
         name: getattr(visibility, name)
         for name in (

@@ -1,4 +1,4 @@
-// Mark the 3x3 pixels around samples that contradict the image for history rejection, less with distance. The greatest
+// Mark the pixels within REACH of samples that contradict the image for history rejection, less with distance. The greatest
 // share of a pixel stays, the first of equals. Three stages, since no atomic carries a time and an object along.
 layout(std430, binding = 0) readonly buffer Changes { float change[]; };
 layout(std430, binding = 1) readonly buffer ScreenPosition { float screen[]; };  // x, y, depth
@@ -29,8 +29,8 @@ void main() {
     uint k = first + n;
     if (!(change[n] > 0.0) || !(screen[3 * k + DEPTH] > 0.0)) return;
     ivec2 at = ivec2(screen[3 * k + X], screen[3 * k + Y]);
-    for (int y = max(at.y - 1, 0); y < min(at.y + 2, size.y); y++) {
-        for (int x = max(at.x - 1, 0); x < min(at.x + 2, size.x); x++) {
+    for (int y = max(at.y - REACH, 0); y < min(at.y + REACH + 1, size.y); y++) {
+        for (int x = max(at.x - REACH, 0); x < min(at.x + REACH + 1, size.x); x++) {
             ivec2 d = ivec2(x, y) - at;
             mark(uint(y * size.x + x), change[n] / (1.0 + 0.5 * float(d.x * d.x + d.y * d.y)), n);
         }

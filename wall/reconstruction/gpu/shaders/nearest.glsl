@@ -26,7 +26,7 @@ void main() {
         bool gone = (accumulated_objects[p] & changed) != 0u && (!seen || told_apart != 0);
         if (gone || seen && objects[OBJECT_WORDS * object_id[k] + CHANGED] != 0.0) {
             imageStore(accumulation, at, vec4(0.0));
-        } else if (contradicted != 0) {
+        } else if (contradicted != 0 && (accumulated_objects[p] & 1u << rejection[3 * count + p] % OBJECT_BITS) != 0u) {
             float keep = 1.0 - uintBitsToFloat(rejection[p]);  // one contradiction outweighs many samples that agreed
             if (keep < 1.0) imageStore(accumulation, at, imageLoad(accumulation, at) * vec4(vec3(1.0), keep * keep * keep));
         }
