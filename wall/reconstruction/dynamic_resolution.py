@@ -46,7 +46,7 @@ class DynamicResolution:
         self._make: Callable[..., Reconstruction] = partial(
             Reconstruction, eye=eye, scene=scene, detects_change=detects_change, threads=threads
         )
-        self.scale, self._next, self.refreshes = scale, scale, 0
+        self.scale, self._next, self._whole, self.refreshes = scale, scale, False, 0
         self.gathers = False  # keep enough samples for an image that is finer by one step
         self._made: dict[int, Reconstruction] = {}
         self._make_at(scale)
@@ -60,9 +60,13 @@ class DynamicResolution:
         """The reconstruction at the resolution of now."""
         return self._made[self.scale]
 
-    def rescale(self, scale: int) -> None:
-        """From the next refresh on make the image at another resolution, of the samples that are stored."""
-        self._next = scale
+    def rescale(self, scale: int, *, whole: bool = False) -> None:
+        """From the next refresh on make the image at another resolution, of the samples that are stored.
+
+        `whole`: each of its pixels has one. Else pixels show the image before, if that had fewer, until they have some,
+        or something moves.
+        """
+        self._next, self._whole = scale, whole
 
     def begin(self, scale: int) -> None:
         """Forget every sample, and store those that come in an image of that resolution from now on."""
@@ -79,7 +83,9 @@ class DynamicResolution:
         self._make_at(self._next)
         before, self.scale, self._rescaled = self.current, self._next, True
         self._keep()
-        self.current.take_over(before)
+        finer = self.scale * before.rect.width < self.rect.width and not self._whole
+        prior = Enlarged(before.rect, self.current.rect).as_shown(before.radiance) if finer else None
+        self.current.take_over(before, prior)
 
     def _make_at(self, scale: int) -> None:
         if scale not in self._made:
@@ -246,12 +252,26 @@ class Enlarged:
             dirty[top // TILE : -(-bottom // TILE)], rgb[top:bottom],
         )  # fmt: skip
 
+    def as_shown(self, radiance: Float32) -> Float32:
+        """(h, w, 3) float32 linear RGB of the large image as `display` enlarges it, but for rounding, and curves."""
+        rows = _between(np.sqrt(radiance), self._down)
+        shown: Float32 = np.square(_between(rows.swapaxes(0, 1), self._across).swapaxes(0, 1))
+        return np.ascontiguousarray(shown)
+
     def enlarged(self, radiance: Float32) -> Float32:
         """(h, w, 3) float32 linear RGB of the large image, bilinear."""
         light: Float32 = np.zeros((self._large.height, self._large.width, 3), np.float32)
         (down, across), everywhere = self._linear, np.ones_like(self._dirty)
         kernels.interpolate(radiance, down.pixels, down.share, across.pixels, across.share, everywhere, light)
         return light
+
+
+def _between(values: Float32, axis: CubicAxis) -> Float32:
+    """Rows between rows, within the middle two."""
+    near, far = values[axis.pixels[:, 1]], values[axis.pixels[:, 2]]
+    cubic = sum(axis.weights[:, k, None, None] * values[axis.pixels[:, k]] for k in range(4))
+    between: Float32 = np.clip(cubic, np.minimum(near, far), np.maximum(near, far))
+    return between
 
 
 def inside(xy: Float32, rect: Rect) -> Float32:

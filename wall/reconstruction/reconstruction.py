@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.core.threads import Threads
 from wall.core.tone_mapping import AS_IT_IS, Tone
+from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.deep_buffer import (
     SAMPLES_PER_PIXEL,
     DeepBuffer,
@@ -33,7 +34,7 @@ from wall.deepbuffer.pose import Pose, Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import SampleStore
 from wall.geometry.panels import Panel
-from wall.reconstruction.bands import Bands
+from wall.reconstruction.bands import Bands, with_neighbours
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.kernels import splat as kernels_splat
 from wall.reconstruction.kernels import visibility as kernels_visibility
@@ -116,7 +117,9 @@ class Reconstruction:
         self.surfaces: SurfaceImages | None = None  # see describe_surfaces
         self._resolved: Float32 = np.zeros((height, width, 3), np.float32)
         self._shows_splats = False  # `radiance` shows them alone, `_resolved` is not up to date
+        self._prior, self._prior_of = self._resolved[:0], NEVER  # see take_over; of the event of that number alone
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
+        kernels_splat.mix_prior(self._resolved, self.buffer.history, self._resolved)
         last = float(LONGEST_FILTERED if noisy else MEAN_ALONE)
         self._bands.compile(
             self.buffer.store, self.buffer.history.nearest, self.splat_sums, self.buffer.history.sqrt_irradiance
@@ -150,16 +153,20 @@ class Reconstruction:
             self._splat(self.poses.moved(), due, seconds)
         if not self._with.accumulation or (self._lighting is not None and not self.nothing_moves):
             history.clear_accumulation()
-        if history.dirty.any() and not (self._shows_splats and not history.accumulating.any()):
+        if self._prior.size and self._prior_of != event.number:
+            self._prior, history.dirty[:] = self._resolved[:0], True
+        if history.dirty.any() and not (self._shows_splats and not history.accumulating.any() and not self._prior.size):
             self._mix()
 
-    def take_over(self, other: Reconstruction) -> None:
+    def take_over(self, other: Reconstruction, prior: Float32 | None = None) -> None:
         """Forget every sample, and store those of an image of other pixels: what that shows is what the next one shows.
 
-        `other`: of the same panel, eye and scene; where there are more than are kept, its newest.
+        `other`: of the same panel, eye and scene; where there are more than are kept, its newest. `prior`: (h, w, 3),
+        what the other shows; pixels show it until they have samples of their own, or anything moves.
         """
         self.clear()
         if (event := other.poses.shown) is not None:
+            self._prior, self._prior_of = self._resolved[:0] if prior is None else prior, event.number
             self.poses.show(event)
             self.buffer.take_over(other.buffer)
             self.poses.reset()  # all of it is made anew, whatever moves
@@ -202,7 +209,7 @@ class Reconstruction:
 
     @property
     def bytes(self) -> int:
-        """Memory of all its arrays; it never grows."""
+        """Memory of all its arrays; it never grows, but for a prior."""
         own, parts = vars(self).values(), (self._pyramid, self._bands, self._lighting, self.surfaces)
         more = sum(part.bytes for part in parts if part is not None)
         return self.buffer.bytes + more + sum(array.nbytes for array in own if isinstance(array, np.ndarray))
@@ -292,14 +299,16 @@ class Reconstruction:
     def _mix(self) -> None:
         """Mix what pixels accumulated into the splats, in dirty tiles."""
         history = self.buffer.history
-        if self._lighting is not None and self.surfaces is None:
+        if self._prior.size and self._lighting is None:
+            kernels_splat.mix_prior(self._prior, history, self.radiance)
+        elif self._lighting is not None and self.surfaces is None:
             self._lighting.mix(self.resolved, history, self.radiance)
         else:
             kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
 
     def _resolve(self, *, everywhere: bool) -> None:
         """Resolve splat sums; at once to `radiance` if all of it is redone, and nothing is to be mixed in."""
-        mixes = self._lighting is not None or bool(self.buffer.history.accumulating.any())
+        mixes = self._lighting is not None or bool(self._prior.size or self.buffer.history.accumulating.any())
         self._shows_splats = everywhere and not mixes
         self._pyramid.resolve(self.splat_sums, self.radiance if self._shows_splats else self._resolved, self._threads)
 
@@ -385,14 +394,3 @@ class Reconstruction:
                 unit=BLOCK,
             )
         return relit
-
-
-def with_neighbours(tiles: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(rows, columns) bool: these tiles and the eight around each."""
-    wide = tiles.copy()
-    wide[:, 1:] |= tiles[:, :-1]
-    wide[:, :-1] |= tiles[:, 1:]
-    grown = wide.copy()
-    grown[1:] |= wide[:-1]
-    grown[:-1] |= wide[1:]
-    return grown

@@ -82,7 +82,7 @@ class OwnImage:
         self._hasten()
         self._waits -= len(batch.samples)
         if self.refinement.swept:
-            self.reconstruction.rescale(self.refinement.scale)
+            self.reconstruction.rescale(self.refinement.scale, whole=True)
             self.view.due = min(self.view.due, self._clock.now())
         elif self._waits <= 0.0:
             self.view.due = min(self.view.due, self._due)

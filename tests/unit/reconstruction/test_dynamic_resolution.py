@@ -132,6 +132,46 @@ def test_an_edit_that_comes_with_another_resolution_is_not_missed(samples: Sampl
     assert doubted(True) == pytest.approx(doubted(False), rel=0.02)
 
 
+def begun_finer(samples: Samples, *, whole: bool) -> tuple[DynamicResolution, np.ndarray, np.ndarray]:
+    """An image that became finer while nothing moved, and what was displayed before and after."""
+    image = image_at(2)
+    image.insert(image.to_image(samples.copy()), START, event_at(0, SEEN))
+    before = [colours_of(image, 0) for _ in range(3)][-1]
+    image.rescale(1, whole=whole)
+    return image, before.astype(int), colours_of(image, 0).astype(int)
+
+
+def test_an_image_that_becomes_finer_shows_what_it_showed(samples: Samples, compiled_only: None) -> None:
+    """But for rounding and, at edges of 187 codes, the square root in place of sRGB's curve. Seen: 11."""
+    image, before, after = begun_finer(samples, whole=False)
+    assert image.scale == 1
+    apart = np.abs(after - before)
+    assert apart.max() <= 12
+    assert apart.mean() < 0.1
+    _, before, after = begun_finer(samples, whole=True)
+    assert np.abs(after - before).max() > 60, "nothing was at stake"
+
+
+@pytest.mark.parametrize(("n", "share"), [(0, 1.0), (1, 8 / 9 * 5 / 6), (3, 8 / 11 / 2), (6, 0.0), (9, 0.0)])
+def test_a_finer_image_goes_over_to_its_own_samples(
+    samples: Samples, n: int, share: float, compiled_only: None
+) -> None:
+    image, *_ = begun_finer(samples, whole=False)
+    shown = image.radiance.copy()
+    if n:
+        image.insert(hits(np.full((n, 2), (30.5, 20.5)), RED), START + 0.1, event_at(0, SEEN))
+    colours_of(image, 0)
+    np.testing.assert_allclose(image.radiance[20, 30], share * shown[20, 30] + (1 - share) * np.array(RED), atol=1e-5)
+    assert_array_equal(image.radiance[20, 31], shown[20, 31])
+
+
+def test_what_was_shown_before_is_gone_once_anything_moves(samples: Samples, compiled_only: None) -> None:
+    image, *_ = begun_finer(samples, whole=False)
+    without, *_ = begun_finer(samples, whole=True)
+    assert_array_equal(colours_of(image, 1), colours_of(without, 1))
+    assert image.bytes == without.bytes
+
+
 def test_enlarged_codes_are_on_a_cubic_between_four_and_never_beyond_the_middle_two(
     random_numbers: np.random.Generator,
 ) -> None:

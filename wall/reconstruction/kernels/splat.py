@@ -16,6 +16,7 @@ from wall.reconstruction.kernels.visibility import SHARPNESS
 uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
+PRIOR, MOST_PRIOR = np.float32(8.0), np.float32(6.0)  # samples; a pixel may be complete with as many as the latter
 
 @strict_kernel  # bands and whole images are specialisations of it, and have the same bits
 def splat(store, weight, count, bounds, tiles, sums, irradiance, band):
@@ -131,3 +132,27 @@ def mix_accumulation(resolved, history, shown):
                     own = ONE - part
                     for c in range(3):
                         shown[i, j, c] = part * resolved[i, j, c] + own * accumulation[i, j, c]
+
+
+@kernel
+def mix_prior(prior, history, shown):
+    """Mix the accumulated mean of n samples into what an image of fewer pixels showed.
+
+    That counts as PRIOR samples, less from sample to sample, and no more from the MOST_PRIOR-th on: its pixels know
+    nothing of details, yet are means of more samples.
+
+    prior : (h, w, 3) float32; history : PixelHistory, its dirty tiles are redone
+    shown : (h, w, 3) float32, written
+    """
+    dirty, accumulation = history.dirty, history.accumulation
+    height, width = prior.shape[0], prior.shape[1]
+    for row in range(dirty.shape[0]):
+        for column in range(dirty.shape[1]):
+            if not dirty[row, column]:
+                continue
+            for i in range(row * TILE, min((row + 1) * TILE, height)):
+                for j in range(column * TILE, min((column + 1) * TILE, width)):
+                    n = accumulation[i, j, COUNT]
+                    part = PRIOR / (PRIOR + n) * max(ONE - n / MOST_PRIOR, ZERO)
+                    for c in range(3):
+                        shown[i, j, c] = part * prior[i, j, c] + (ONE - part) * accumulation[i, j, c]
