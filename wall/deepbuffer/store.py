@@ -73,6 +73,7 @@ class PixelHistory(NamedTuple):
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles with a pixel that a sample contradicted
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
     accumulating: NDArray[np.bool_]  # (rows, columns) tiles that may have an accumulation
+    held: NDArray[np.uint32]  # (rows, columns) objects whose samples a tile's accumulation may hold, see object_bit
     begun: NDArray[np.uint32]  # (n,) how many pixels began to accumulate since all were cleared, then y w + x of each;
     # n: not all of them are listed. To be set so by whoever writes to `accumulation` without `accumulate`
     arrived: NDArray[np.int32]  # (rows, columns) samples that came since the tile was resolved, see RestSchedule
@@ -92,6 +93,7 @@ class PixelHistory(NamedTuple):
             contradicted=np.zeros(tiles, np.bool_),
             dirty=np.zeros(tiles, np.bool_),
             accumulating=np.zeros(tiles, np.bool_),
+            held=np.zeros(tiles, np.uint32),
             begun=np.zeros(1 + -(-height * width // LISTED), np.uint32),
             arrived=np.zeros(tiles, np.int32),
         )

@@ -44,16 +44,24 @@ def test_tiles_follow_the_accumulation(random_numbers: np.random.Generator) -> N
     assert 0 < len(rows) < WIDTH * HEIGHT
 
 
-def test_only_the_tiles_given_are_looked_at(random_numbers: np.random.Generator) -> None:
+def test_only_the_tiles_given_are_looked_at_and_those_that_hold_what_changed() -> None:
+    """Object 1 shows everywhere, samples are of object 0, one of object 2; object 1 changes, then object 2."""
     history = PixelHistory.of(WIDTH, HEIGHT, detects_change=False)
+    history.nearest[..., NEAREST_OBJECT] = 1
     pixels = np.argwhere(np.ones((HEIGHT, WIDTH), np.bool_))
-    accumulate_all(history, np.zeros(len(pixels), SAMPLE), pixels)
-    tiles = np.zeros_like(history.dirty)
+    samples = np.zeros(len(pixels), SAMPLE)
+    samples["object_id"][0] = 2  # in tile (0, 0)
+    accumulate_all(history, samples, pixels)
+    tiles, none = np.zeros_like(history.dirty), np.zeros_like(history.dirty)
     tiles[1, 1] = True
-    reject_accumulation(history, np.ones(OBJECT_COUNT, np.uint8), tiles, np.zeros_like(tiles))
-    inside = np.zeros((HEIGHT, WIDTH), np.bool_)
-    inside[16:, 16:32] = True
-    np.testing.assert_array_equal(history.accumulation[..., COUNT] == 0.0, inside)
+    reject_accumulation(history, np.uint8([0, 1, 0]), tiles, none)
+    left = np.ones((HEIGHT, WIDTH), np.bool_)
+    left[16:, 16:32] = False
+    np.testing.assert_array_equal(history.accumulation[..., COUNT] > 0.0, left)
+    reject_accumulation(history, np.uint8([0, 0, 1]), none, none)
+    left[0, 0] = False
+    np.testing.assert_array_equal(np.argwhere(history.dirty), [[0, 0]])
+    np.testing.assert_array_equal(history.accumulation[..., COUNT] > 0.0, left)
 
 
 def test_clearing_leaves_nothing_of_what_was_written_without_a_list() -> None:

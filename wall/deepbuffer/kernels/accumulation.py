@@ -44,6 +44,7 @@ def accumulate(history, i, j, sample):
     pixel = history.accumulation[i, j]
     history.accumulating[i // TILE, j // TILE] = True
     bit = object_bit(sample["object_id"])
+    history.held[i // TILE, j // TILE] |= bit
     if pixel[COUNT] == ZERO:
         note_begun(history, i, j)
         pixel[OBJECTS] = ZERO
@@ -123,7 +124,7 @@ def clear_accumulation(history):
             if accumulating[row, column] and not listed:
                 left = column * TILE
                 accumulation[row * TILE : (row + 1) * TILE, left : left + TILE] = ZERO
-            accumulating[row, column] = False
+            accumulating[row, column], history.held[row, column] = False, uint32(0)
     begun[0] = 0
 
 
@@ -162,19 +163,22 @@ def reject_accumulation(history, changed, tiles, near):
     One that holds samples of a changed object is cleared, too, as far as objects are told apart. A pixel in which no
     sample is stored any more keeps it, unless a changed object shows within AROUND pixels.
 
-    history : PixelHistory; what belongs to `accumulation` updated, `contradicted` and `rejection` amounts cleared
+    history : PixelHistory; what belongs to `accumulation` updated, `contradicted` and `rejection` amounts cleared,
+        `dirty` set for tiles that held samples of a changed object
     changed : (n + 1,) uint8, objects that moved or stand in another light
     tiles : (rows, columns) bool, where that may be; all contradicted tiles are among them
-    near : (rows, columns) bool, tiles in which, or beside which, changed objects may show; looked at as well
+    near : (rows, columns) bool, tiles in which, or beside which, changed objects may show; looked at as well, as are
+        those that hold samples of some
     """
     height, width = history.accumulation.shape[0], history.accumulation.shape[1]
     bits, covered = object_bits(changed), np.empty(TILE + 2 * AROUND, np.uint32)
     for row in range(tiles.shape[0]):
         for column in range(tiles.shape[1]):
-            if not (tiles[row, column] or near[row, column]):
+            if not (tiles[row, column] or near[row, column] or history.held[row, column] & bits):
                 continue
             top, left = row * TILE, column * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
+            history.dirty[row, column] |= (history.held[row, column] & bits) != 0
             if history.accumulating[row, column]:
                 kept = unknown = False
                 for i in range(top, bottom):
@@ -183,6 +187,7 @@ def reject_accumulation(history, changed, tiles, near):
                 if unknown and near[row, column]:
                     kept = clear_covered(history, changed, top, left, bottom, right, covered)
                 history.accumulating[row, column] = kept
+                history.held[row, column] = history.held[row, column] if kept else uint32(0)
             if history.contradicted[row, column]:
                 history.rejection[top:bottom, left:right, AMOUNT] = ZERO
                 history.contradicted[row, column] = False

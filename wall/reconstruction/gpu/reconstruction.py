@@ -252,7 +252,7 @@ class GpuReconstruction:
         self._send(moving=True)
         self._passes.read_history(self._history)
         self._passes.read_resolved(self._resolved)
-        self._history.accumulating[:] = True
+        self._history.accumulating[:], self._history.held[:] = True, 0xFFFFFFFF  # any may be there
         self._history.begun[0] = len(self._history.begun)  # which pixels is not known
         self._device.check()
         come_to_rest(self.poses, self._history)
