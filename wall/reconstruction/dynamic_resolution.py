@@ -63,8 +63,8 @@ class DynamicResolution:
     def rescale(self, scale: int, *, whole: bool = False) -> None:
         """From the next refresh on make the image at another resolution, of the samples that are stored.
 
-        `whole`: each of its pixels has one. Else pixels show the image before, if that had fewer, until they have some,
-        or something moves.
+        `whole`: each of its pixels has a sample. Else, while nothing moves, pixels go over from what an image of fewer
+        of them shows to samples of their own.
         """
         self._next, self._whole = scale, whole
 
@@ -79,12 +79,14 @@ class DynamicResolution:
         """The share of the image that the stored samples would show to another camera, roughly."""
         return self.current.buffer.covers(camera)
 
-    def _rescale(self) -> None:
+    def _rescale(self, event: Event) -> None:
         self._make_at(self._next)
-        before, self.scale, self._rescaled = self.current, self._next, True
+        before, finer = self.current, self._next < self.scale
+        self.scale, self._rescaled = self._next, True
         self._keep()
-        finer = self.scale * before.rect.width < self.rect.width and not self._whole
-        prior = Enlarged(before.rect, self.current.rect).as_shown(before.radiance) if finer else None
+        shown = before.poses.shown
+        goes_on = finer and not self._whole and before.at_rest and shown is not None and shown.number == event.number
+        prior = Enlarged(before.rect, self.current.rect).as_shown(before.radiance) if goes_on else None
         self.current.take_over(before, prior)
 
     def _make_at(self, scale: int) -> None:
@@ -133,7 +135,7 @@ class DynamicResolution:
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`, see Reconstruction."""
         if self._next != self.scale:
-            self._rescale()
+            self._rescale(event)
         self.current.refresh(event, now)
         self.refreshes += 1
 
@@ -148,6 +150,11 @@ class DynamicResolution:
     def clear(self) -> None:
         """Forget every sample."""
         self.current.clear()
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether a finer image would go on from what this one shows, see rescale."""
+        return self.current.at_rest
 
     @property
     def nothing_moves(self) -> bool:
@@ -237,6 +244,7 @@ class Enlarged:
         """Compile what is called for every image: none is to wait for it."""
         rgb = np.zeros((self._large.height, self._large.width, 3), np.uint8)
         self.display(self.tiles(np.zeros((1, 1), np.bool_)), rgb, 0, self._large.height)
+        self.as_shown(np.zeros((self.small.height, self.small.width, 3), np.float32))
 
     def tiles(self, dirty: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(rows, columns) bool, tiles of the large image that take from dirty ones of the small image."""
@@ -254,9 +262,10 @@ class Enlarged:
 
     def as_shown(self, radiance: Float32) -> Float32:
         """(h, w, 3) float32 linear RGB of the large image as `display` enlarges it, but for rounding, and curves."""
-        rows = _between(np.sqrt(radiance), self._down)
-        shown: Float32 = np.square(_between(rows.swapaxes(0, 1), self._across).swapaxes(0, 1))
-        return np.ascontiguousarray(shown)
+        light: Float32 = np.zeros((self._large.height, self._large.width, 3), np.float32)
+        down, across = self._down, self._across
+        kernels.enlarge_light(np.sqrt(radiance), down.pixels, down.weights, across.pixels, across.weights, light)
+        return light
 
     def enlarged(self, radiance: Float32) -> Float32:
         """(h, w, 3) float32 linear RGB of the large image, bilinear."""
@@ -264,14 +273,6 @@ class Enlarged:
         (down, across), everywhere = self._linear, np.ones_like(self._dirty)
         kernels.interpolate(radiance, down.pixels, down.share, across.pixels, across.share, everywhere, light)
         return light
-
-
-def _between(values: Float32, axis: CubicAxis) -> Float32:
-    """Rows between rows, within the middle two."""
-    near, far = values[axis.pixels[:, 1]], values[axis.pixels[:, 2]]
-    cubic = sum(axis.weights[:, k, None, None] * values[axis.pixels[:, k]] for k in range(4))
-    between: Float32 = np.clip(cubic, np.minimum(near, far), np.maximum(near, far))
-    return between
 
 
 def inside(xy: Float32, rect: Rect) -> Float32:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.core.threads import Threads
 from wall.core.tone_mapping import AS_IT_IS, Tone
-from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.deep_buffer import (
     SAMPLES_PER_PIXEL,
     DeepBuffer,
@@ -24,7 +23,7 @@ from wall.deepbuffer.deep_buffer import (
     come_to_rest,
     limit_means,
     take_dirty,
-)
+)  # fmt: skip
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import COUNT, NEAREST_DEPTH, NEAREST_OBJECT
@@ -101,10 +100,9 @@ class Reconstruction:
             samples_per_pixel=samples_per_pixel, noisy=noisy, threads=self._threads,
         )  # fmt: skip
         width, height = self.rect.width, self.rect.height
-        scanned = panel.scan is not None
         moves = np.zeros(len(scene.instances) + 1, np.uint8)
         moves[scene.animated_objects + 1] = 1
-        self._lighting = Lighting(height, width, moves, scanned=scanned) if noisy else None
+        self._lighting = Lighting(height, width, moves, scanned=panel.scan is not None) if noisy else None
         if self._lighting is not None:
             self._lighting.compile(self.buffer.store)
         self._bounds = np.ones((3, height, width), np.float32)
@@ -117,7 +115,7 @@ class Reconstruction:
         self.surfaces: SurfaceImages | None = None  # see describe_surfaces
         self._resolved: Float32 = np.zeros((height, width, 3), np.float32)
         self._shows_splats = False  # `radiance` shows them alone, `_resolved` is not up to date
-        self._prior, self._prior_of = self._resolved[:0], NEVER  # see take_over; of the event of that number alone
+        self._prior, self._prior_of = self._resolved[:0], (-1, -1)  # see take_over; of the event of that number alone
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
         kernels_splat.mix_prior(self._resolved, self.buffer.history, self._resolved)
         last = float(LONGEST_FILTERED if noisy else MEAN_ALONE)
@@ -162,7 +160,7 @@ class Reconstruction:
         """Forget every sample, and store those of an image of other pixels: what that shows is what the next one shows.
 
         `other`: of the same panel, eye and scene; where there are more than are kept, its newest. `prior`: (h, w, 3),
-        what the other shows; pixels show it until they have samples of their own, or anything moves.
+        what the other shows; pixels go over from it to their own samples, see mix_prior, while nothing moves.
         """
         self.clear()
         if (event := other.poses.shown) is not None:
@@ -192,6 +190,7 @@ class Reconstruction:
 
     def clear(self) -> None:
         """Forget every sample."""
+        self._prior = self._resolved[:0]
         self.buffer.clear()
         self.splat_sums[:] = 0.0
         if self._lighting is not None:
@@ -203,6 +202,11 @@ class Reconstruction:
         return self.poses.nothing_moves
 
     @property
+    def at_rest(self) -> bool:
+        """Whether nothing moves, and pixels show no filtered noise: a prior for an image of more of them."""
+        return self.nothing_moves and self._lighting is None
+
+    @property
     def count(self) -> int:
         """Samples stored, those that wait for removal among them."""
         return self.buffer.count
@@ -210,9 +214,9 @@ class Reconstruction:
     @property
     def bytes(self) -> int:
         """Memory of all its arrays; it never grows, but for a prior."""
-        own, parts = vars(self).values(), (self._pyramid, self._bands, self._lighting, self.surfaces)
-        more = sum(part.bytes for part in parts if part is not None)
-        return self.buffer.bytes + more + sum(array.nbytes for array in own if isinstance(array, np.ndarray))
+        parts = (self.buffer, self._pyramid, self._bands, self._lighting, self.surfaces)
+        own = sum(array.nbytes for array in vars(self).values() if isinstance(array, np.ndarray))
+        return own + sum(part.bytes for part in parts if part is not None)
 
     def describe_surfaces(self) -> None:
         """Make images of albedos and normals from now on, where samples bring them: those of paths.
@@ -299,7 +303,7 @@ class Reconstruction:
     def _mix(self) -> None:
         """Mix what pixels accumulated into the splats, in dirty tiles."""
         history = self.buffer.history
-        if self._prior.size and self._lighting is None:
+        if self._prior.size:
             kernels_splat.mix_prior(self._prior, history, self.radiance)
         elif self._lighting is not None and self.surfaces is None:
             self._lighting.mix(self.resolved, history, self.radiance)

@@ -141,7 +141,7 @@ class OwnImage:
                 self._resolution.resume(now, scale, still=still)
                 image.rescale(scale)
         else:
-            image.rescale(self._resolution.after(now, still=still, stored=image.count))
+            image.rescale(self._resolution.after(now, still=still, stored=image.count, at_rest=image.at_rest))
         image.gathers = refinement.active or still
 
     def _only_rays_help(self, before: Event | None, expected: Event) -> bool:

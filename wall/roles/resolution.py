@@ -10,7 +10,7 @@ POOR, RICH = 0.8, 11.0  # samples a pixel and second while the camera moves: bel
 FEWER = 8.0  # times as many samples a pixel and second has an image of a quarter of the pixels: 7 to 8 were seen
 PATIENCE = 10  # windows in which what was too fine for the machine is not tried again
 ENOUGH_STILL = 0.5  # samples a pixel of a finer image, with which it begins where the camera stands
-STILL_S = 0.15  # that the camera stands
+STILL_S = 0.15  # that the camera stands, where a finer image goes on from what this one shows
 LONGEST_STILL_S = 2.0  # where plain surfaces want no more samples
 
 
@@ -43,10 +43,11 @@ class ResolutionChoice:
         """So many samples came."""
         self._samples += samples
 
-    def after(self, now: float, *, still: bool, stored: int) -> int:
+    def after(self, now: float, *, still: bool, stored: int, at_rest: bool = False) -> int:
         """The scale from the next refresh on: how many pixels of the panel are one, in each direction.
 
-        `still`: the camera stood in the refresh that ended at `now`, seconds; `stored`: samples that it is of.
+        `still`: the camera stood in the refresh that ended at `now`, seconds; `stored`: samples that it is of;
+        `at_rest`: a finer image goes on from what this one shows.
         """
         elapsed, self._refreshes = now - self._began, self._refreshes + 1
         if still != self._still or self._began == float("-inf"):
@@ -55,7 +56,7 @@ class ResolutionChoice:
         elif elapsed >= WINDOW_S and not still and self._refreshes >= LEAST_REFRESHES:
             self._moving = self._of_moving(self._samples / elapsed)
             self._begin(now, self._moving)
-        elif elapsed >= STILL_S and still and self.scale > 1:
+        elif elapsed >= (STILL_S if at_rest else WINDOW_S) and still and self.scale > 1:
             finer = 4.0 * self._pixels / self.scale**2
             if stored >= ENOUGH_STILL * finer or elapsed >= LONGEST_STILL_S:
                 self._begin(now, self.scale // 2)

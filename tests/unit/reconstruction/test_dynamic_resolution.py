@@ -12,6 +12,8 @@ from small_scenes import view
 
 from wall.core.data import Edits, Float32, Rect, Samples
 from wall.reconstruction.dynamic_resolution import DynamicResolution, Enlarged
+from wall.reconstruction.kernels.splat import MOST_PRIOR
+from wall.sampling.kernels.adaptive import BELIEVED
 
 SIZE = (121, 90)  # neither is a multiple of 2 or 4
 SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=SIZE)
@@ -150,6 +152,29 @@ def test_an_image_that_becomes_finer_shows_what_it_showed(samples: Samples, comp
     assert apart.mean() < 0.1
     _, before, after = begun_finer(samples, whole=True)
     assert np.abs(after - before).max() > 60, "nothing was at stake"
+
+
+def test_a_pixel_may_be_complete_only_when_it_shows_its_own_samples_alone() -> None:
+    assert MOST_PRIOR <= BELIEVED
+
+
+@pytest.mark.parametrize("happens", ["cleared", "something moved before"])
+def test_no_image_before_is_shown(samples: Samples, happens: str, compiled_only: None) -> None:
+    if happens == "cleared":
+        image, *_ = begun_finer(samples, whole=False)
+        image.clear()
+        colours_of(image, 0)
+        assert not image.radiance.any()
+        return
+    shown = []
+    for whole in (False, True):  # the image of an event that was shown once may still lack what moved
+        image = image_at(2)
+        image.insert(image.to_image(samples.copy()), START, event_at(0, SEEN))
+        colours_of(image, 0)
+        colours_of(image, 1)
+        image.rescale(1, whole=whole)
+        shown.append(colours_of(image, 1))
+    assert_array_equal(*shown)
 
 
 @pytest.mark.parametrize(("n", "share"), [(0, 1.0), (1, 8 / 9 * 5 / 6), (3, 8 / 11 / 2), (6, 0.0), (9, 0.0)])

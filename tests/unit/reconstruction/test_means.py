@@ -15,7 +15,7 @@ from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.build import Scene
 
 PLACES = ((-0.6, 0.0, 2.0), (0.6, 0.0, 2.0))  # of the plate: at once, and a second later; far enough apart
-ROW, SAMPLES = 16, 5  # a row of pixels through the plate, and how many samples each of them got
+ROW, SAMPLES = 16, 6  # a row of pixels through the plate, and how many samples each of them got
 COLOURS = np.random.default_rng(7).random((SAMPLES, 3)).astype(np.float32)
 REFRESH_S = 1.0 / 60.0
 Image = Reconstruction | GpuReconstruction

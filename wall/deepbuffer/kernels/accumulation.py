@@ -172,22 +172,23 @@ def reject_accumulation(history, changed, tiles, near):
     """
     height, width = history.accumulation.shape[0], history.accumulation.shape[1]
     bits, covered = object_bits(changed), np.empty(TILE + 2 * AROUND, np.uint32)
+    left_by = bits if changed.shape[0] <= BITS else uint32(0)  # objects: others share bits with too many
     for row in range(tiles.shape[0]):
         for column in range(tiles.shape[1]):
-            if not (tiles[row, column] or near[row, column] or history.held[row, column] & bits):
+            if not (tiles[row, column] or near[row, column] or history.held[row, column] & left_by):
                 continue
             top, left = row * TILE, column * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
-            history.dirty[row, column] |= (history.held[row, column] & bits) != 0
+            history.dirty[row, column] |= (history.held[row, column] & left_by) != 0
             if history.accumulating[row, column]:
-                kept = unknown = False
+                held, kept, unknown = uint32(0), False, False
                 for i in range(top, bottom):
-                    own, alone = reject_in_row(history, changed, bits, i, left, right)
-                    kept, unknown = kept | own, unknown | alone
+                    objects, own, alone = reject_in_row(history, changed, bits, i, left, right)
+                    held, kept, unknown = held | objects, kept | own, unknown | alone
                 if unknown and near[row, column]:
                     kept = clear_covered(history, changed, top, left, bottom, right, covered)
                 history.accumulating[row, column] = kept
-                history.held[row, column] = history.held[row, column] if kept else uint32(0)
+                history.held[row, column] = held
             if history.contradicted[row, column]:
                 history.rejection[top:bottom, left:right, AMOUNT] = ZERO
                 history.contradicted[row, column] = False
@@ -199,9 +200,10 @@ def reject_in_row(history, changed, bits, i, left, right):
 
     Returns
     -------
-    kept, unknown : bool, some still have one; and some of these store no sample
+    objects, kept, unknown : uint32, bits of those whose samples they still hold; bool, whether some still have one; and
+        whether some of these store no sample
     """
-    kept = unknown = False
+    remaining, kept, unknown = uint32(0), False, False
     pixels, objects = history.accumulation[i, left:right], history.nearest[i, left:right, NEAREST_OBJECT]
     amounts, told_apart = history.rejection[i, left:right, AMOUNT], changed.shape[0] <= BITS
     for k in range(pixels.shape[0]):
@@ -215,8 +217,8 @@ def reject_in_row(history, changed, bits, i, left, right):
         if amounts[k] > ZERO and (held & object_bit(history.rejected_object[i, left + k])) != 0:
             shorten(pixels[k], (ONE - amounts[k]) ** 3)  # one contradiction must outweigh many samples that agreed
         own = pixels[k, COUNT] > ZERO
-        kept, unknown = kept | own, unknown | (own & (not stored))
-    return kept, unknown
+        remaining, kept, unknown = remaining | held, kept | own, unknown | (own & (not stored))
+    return remaining, kept, unknown
 
 
 @inline_kernel

@@ -29,6 +29,7 @@ PER_CHANGE = np.float32(1.0 / 0.06)
 SIGMAS = np.float32(2.0)  # standard deviations of what a pixel accumulated that count as noise, or if that is more
 NOISE = np.float32(0.8)  # this share of sqrt_irradiance's range over the 3x3 pixels that show the object; or, in pixels
 KNOWN = np.float32(3.0)  # that accumulated so many samples, all of the range over 3x3: there the mean is compared with
+KNOWN_ALONE = np.float32(6.0)  # the same where no sample is stored: nothing around tells of noise there
 ANY_OBJECT = -1
 REACH = 2  # pixels: so far around a contradicted one older samples lose confidence
 SHARE_AT = 1.0 / (1.0 + 0.5 * np.square(np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1]).sum(0)).astype(np.float32)

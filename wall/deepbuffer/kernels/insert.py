@@ -8,8 +8,8 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.core.kernels.albedo import light_of, unpack_albedo
-from wall.deepbuffer.kernels.accumulation import accumulate, object_bit
-from wall.deepbuffer.kernels.change import KNOWN, TRUSTED, change_of, mark_contradicted
+from wall.deepbuffer.kernels.accumulation import BITS, accumulate, object_bit
+from wall.deepbuffer.kernels.change import KNOWN_ALONE, TRUSTED, change_of, mark_contradicted
 from wall.deepbuffer.kernels.columns import (
     COUNT,
     DEPTH,
@@ -76,7 +76,7 @@ def insert(samples, offset, pose, panel_from_object, image_rows, store, count, h
         last = min(first + CHUNK, samples.shape[0])
         find_positions(samples, first, last, pose, panel_from_object, image_rows, nearest.shape, rules, rows)
         if compares:
-            fetch_shown(samples, first, last, history, rows)
+            fetch_shown(samples, first, last, history, panel_from_object.shape[0] <= BITS, rows)
         for k in range(first, last):
             if count >= store.object_id.shape[0]:
                 return count
@@ -133,8 +133,11 @@ def find_positions(samples, first, last, pose, panel_from_object, image_rows, sh
 
 
 @inline_kernel
-def fetch_shown(samples, first, last, history, rows):
-    """Fill rows SHOWN_IRRADIANCE (-1: not known, or of another object) and ACCUMULATED of a chunk."""
+def fetch_shown(samples, first, last, history, told_apart, rows):
+    """Fill rows SHOWN_IRRADIANCE (-1: not known, or of another object) and ACCUMULATED of a chunk.
+
+    told_apart : bool, no two objects share a bit: then a mean tells of whose samples it is
+    """
     irradiance, nearest, accumulation = history.sqrt_irradiance, history.nearest, history.accumulation
     for k in range(first, last):
         r = k - first
@@ -145,8 +148,8 @@ def fetch_shown(samples, first, last, history, rows):
             known = (nearest[i, j, NEAREST_OBJECT] == samples[k]["object_id"]) & (weight > TRUSTED)
             rows[SHOWN_IRRADIANCE, r] = light / weight if known else -ONE
             rows[ACCUMULATED, r] = accumulation[i, j, COUNT]
-            alone = nearest[i, j, NEAREST_OBJECT] < ZERO and accumulation[i, j, COUNT] >= KNOWN  # a mean, none stored
-            if alone and accumulation[i, j, OBJECTS] == object_bit(samples[k]["object_id"]):
+            alone = nearest[i, j, NEAREST_OBJECT] < ZERO and accumulation[i, j, COUNT] >= KNOWN_ALONE  # none is stored
+            if alone and told_apart and accumulation[i, j, OBJECTS] == object_bit(samples[k]["object_id"]):
                 rows[SHOWN_IRRADIANCE, r] = accumulation[i, j, IRRADIANCE_MEAN]
 
 

@@ -42,6 +42,7 @@ class Passes:
         self._rejection = reserve(device, 4 * self._area)  # share, ordinal, time, object
         self._nearest = reserve(device, 4 * self._area)
         self._accumulated_objects = reserve(device, 2 * self._area)  # of means, of new samples
+        self._accumulated_objects.clear()
         self._bounds = reserve(device, 3 * self._area)
         self._resolved, self._shown = reserve(device, 3 * self._area), reserve(device, 3 * self._area)
         self._curve = device.context.buffer(srgb_curve().astype(np.uint32))

@@ -62,6 +62,30 @@ def interpolate(source, row, row_share, column, column_share, dirty, out):
                     values[n] = (ONE - f) * upper[n] + f * lower[n]
 
 
+@kernel
+def enlarge_light(small, row, row_weight, column, column_weight, light):
+    """Write an enlarged image of light: its square roots are on a cubic between four, within the middle two.
+
+    small : (h, w, 3) float32, square roots; light : (H, W, 3) float32, written; others see enlarge_codes
+    """
+    wide = np.empty((small.shape[0], light.shape[1], 3), np.float32)
+    for i in range(small.shape[0]):
+        for j in range(light.shape[1]):
+            p, q, r, s = column_weight[j]
+            for c in range(3):
+                a, b = small[i, column[j, 0], c], small[i, column[j, 1], c]
+                d, e = small[i, column[j, 2], c], small[i, column[j, 3], c]
+                wide[i, j, c] = limited(p * a + q * b + r * d + s * e, b, d)
+    for i in range(light.shape[0]):
+        p, q, r, s = row_weight[i]
+        first, second, third, fourth = wide[row[i, 0]], wide[row[i, 1]], wide[row[i, 2]], wide[row[i, 3]]
+        for j in range(light.shape[1]):
+            for c in range(3):
+                b, d = second[j, c], third[j, c]
+                root = limited(p * first[j, c] + q * b + r * d + s * fourth[j, c], b, d)
+                light[i, j, c] = root * root
+
+
 @inline_kernel
 def widen_pixels(line, column, share, wide):
     """Enlarge a part of a row of pixels, (w, c) float32, see interpolate. wide : (n c,) float32 or more, written"""

@@ -15,8 +15,8 @@ from wall.reconstruction.kernels.visibility import SHARPNESS
 
 uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+PRIOR, MOST_PRIOR = np.float32(8.0), np.float32(6.0)  # samples; with as many as the latter a pixel may be complete
 
-PRIOR, MOST_PRIOR = np.float32(8.0), np.float32(6.0)  # samples; a pixel may be complete with as many as the latter
 
 @strict_kernel  # bands and whole images are specialisations of it, and have the same bits
 def splat(store, weight, count, bounds, tiles, sums, irradiance, band):
