@@ -118,7 +118,7 @@ def test_killed_renderer_does_not_stop_the_others(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
     config = write_config(tmp_path, columns=2, path=ORBIT)
-    run = running("run", config, "--headless", "--seconds", 2, "--out", tmp_path / "out")
+    run = running("run", config, "--headless", "--seconds", 4, "--out", tmp_path / "out")
     first, _ = renderers(run)
 
     os.kill(first, signal.SIGKILL)
