@@ -23,7 +23,7 @@ from wall.deepbuffer.deep_buffer import (
     come_to_rest,
     limit_means,
     take_dirty,
-)  # fmt: skip
+)
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import COUNT, NEAREST_DEPTH, NEAREST_OBJECT
@@ -117,7 +117,6 @@ class Reconstruction:
         self._shows_splats = False  # `radiance` shows them alone, `_resolved` is not up to date
         self._prior, self._prior_of = self._resolved[:0], (-1, -1)  # see take_over; of the event of that number alone
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
-        kernels_splat.mix_prior(self._resolved, self.buffer.history, self._resolved)
         last = float(LONGEST_FILTERED if noisy else MEAN_ALONE)
         self._bands.compile(
             self.buffer.store, self.buffer.history.nearest, self.splat_sums, self.buffer.history.sqrt_irradiance
@@ -160,11 +159,12 @@ class Reconstruction:
         """Forget every sample, and store those of an image of other pixels: what that shows is what the next one shows.
 
         `other`: of the same panel, eye and scene; where there are more than are kept, its newest. `prior`: (h, w, 3),
-        what the other shows; pixels go over from it to their own samples, see mix_prior, while nothing moves.
+        what the other shows; while nothing moves pixels go over from it to their own samples, see mix_accumulation.
         """
         self.clear()
         if (event := other.poses.shown) is not None:
-            self._prior, self._prior_of = self._resolved[:0] if prior is None else prior, event.number
+            if prior is not None:
+                self._prior, self._prior_of = prior, event.number
             self.poses.show(event)
             self.buffer.take_over(other.buffer)
             self.poses.reset()  # all of it is made anew, whatever moves
@@ -304,11 +304,11 @@ class Reconstruction:
         """Mix what pixels accumulated into the splats, in dirty tiles."""
         history = self.buffer.history
         if self._prior.size:
-            kernels_splat.mix_prior(self._prior, history, self.radiance)
+            kernels_splat.mix_accumulation(self._prior, history, self.radiance, prior=True)
         elif self._lighting is not None and self.surfaces is None:
             self._lighting.mix(self.resolved, history, self.radiance)
         else:
-            kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
+            kernels_splat.mix_accumulation(self.resolved, history, self.radiance, prior=False)
 
     def _resolve(self, *, everywhere: bool) -> None:
         """Resolve splat sums; at once to `radiance` if all of it is redone, and nothing is to be mixed in."""

@@ -181,14 +181,13 @@ def reject_accumulation(history, changed, tiles, near):
             bottom, right = min(top + TILE, height), min(left + TILE, width)
             history.dirty[row, column] |= (history.held[row, column] & left_by) != 0
             if history.accumulating[row, column]:
-                held, kept, unknown = uint32(0), False, False
+                held, unknown = uint32(0), False
                 for i in range(top, bottom):
-                    objects, own, alone = reject_in_row(history, changed, bits, i, left, right)
-                    held, kept, unknown = held | objects, kept | own, unknown | alone
+                    objects, alone = reject_in_row(history, changed, bits, i, left, right)
+                    held, unknown = held | objects, unknown | alone
                 if unknown and near[row, column]:
-                    kept = clear_covered(history, changed, top, left, bottom, right, covered)
-                history.accumulating[row, column] = kept
-                history.held[row, column] = held
+                    held = clear_covered(history, changed, top, left, bottom, right, covered)
+                history.accumulating[row, column], history.held[row, column] = held != 0, held
             if history.contradicted[row, column]:
                 history.rejection[top:bottom, left:right, AMOUNT] = ZERO
                 history.contradicted[row, column] = False
@@ -200,10 +199,9 @@ def reject_in_row(history, changed, bits, i, left, right):
 
     Returns
     -------
-    objects, kept, unknown : uint32, bits of those whose samples they still hold; bool, whether some still have one; and
-        whether some of these store no sample
+    remaining : uint32, bits of the objects whose samples they still hold; unknown : bool, some of them store no sample
     """
-    remaining, kept, unknown = uint32(0), False, False
+    remaining, unknown = uint32(0), False
     pixels, objects = history.accumulation[i, left:right], history.nearest[i, left:right, NEAREST_OBJECT]
     amounts, told_apart = history.rejection[i, left:right, AMOUNT], changed.shape[0] <= BITS
     for k in range(pixels.shape[0]):
@@ -216,9 +214,9 @@ def reject_in_row(history, changed, bits, i, left, right):
             continue
         if amounts[k] > ZERO and (held & object_bit(history.rejected_object[i, left + k])) != 0:
             shorten(pixels[k], (ONE - amounts[k]) ** 3)  # one contradiction must outweigh many samples that agreed
-        own = pixels[k, COUNT] > ZERO
-        remaining, kept, unknown = remaining | held, kept | own, unknown | (own & (not stored))
-    return remaining, kept, unknown
+        if pixels[k, COUNT] > ZERO:
+            remaining, unknown = remaining | held, unknown | (not stored)
+    return remaining, unknown
 
 
 @inline_kernel
@@ -226,9 +224,9 @@ def clear_covered(history, changed, top, left, bottom, right, covered):
     """Clear the accumulation of those pixels of a tile that a changed object may have come to cover.
 
     covered : (TILE + 2 AROUND,) uint32, written
-    Returns whether any pixel still has one.
+    Returns the bits of the objects whose samples its pixels still hold.
     """
-    nearest, accumulation, kept = history.nearest, history.accumulation, False
+    nearest, accumulation, remaining = history.nearest, history.accumulation, uint32(0)
     for r in range(covered.shape[0]):  # bit k of a row: whether one shows in it within AROUND columns of left + k
         covered[r] = changed_in_row(nearest, changed, top + r - AROUND, left, right)
     for i in range(top, bottom):
@@ -240,8 +238,8 @@ def clear_covered(history, changed, top, left, bottom, right, covered):
                 continue
             if nearest[i, j, NEAREST_OBJECT] < ZERO and (bits >> uint32(j - left)) & uint32(1):
                 accumulation[i, j] = ZERO
-            kept |= accumulation[i, j, COUNT] > ZERO
-    return kept
+            remaining |= uint32(accumulation[i, j, OBJECTS])
+    return remaining
 
 
 @inline_kernel

@@ -167,7 +167,7 @@ class GpuReconstruction:
             self._passes.read_resolved(self._resolved)
             history.dirty[:] = True
         if history.dirty.any():
-            mix_accumulation(self._resolved, history, self.radiance)
+            mix_accumulation(self._resolved, history, self.radiance, prior=False)
 
     def clear(self) -> None:
         """Forget every sample."""

@@ -68,22 +68,16 @@ def enlarge_light(small, row, row_weight, column, column_weight, light):
 
     small : (h, w, 3) float32, square roots; light : (H, W, 3) float32, written; others see enlarge_codes
     """
-    wide = np.empty((small.shape[0], light.shape[1], 3), np.float32)
+    wide, values = np.empty((small.shape[0], 3 * light.shape[1]), np.float32), light.reshape(light.shape[0], -1)
     for i in range(small.shape[0]):
-        for j in range(light.shape[1]):
-            p, q, r, s = column_weight[j]
-            for c in range(3):
-                a, b = small[i, column[j, 0], c], small[i, column[j, 1], c]
-                d, e = small[i, column[j, 2], c], small[i, column[j, 3], c]
-                wide[i, j, c] = limited(p * a + q * b + r * d + s * e, b, d)
+        widen(small[i].reshape(-1), column, column_weight, wide[i])
     for i in range(light.shape[0]):
         p, q, r, s = row_weight[i]
         first, second, third, fourth = wide[row[i, 0]], wide[row[i, 1]], wide[row[i, 2]], wide[row[i, 3]]
-        for j in range(light.shape[1]):
-            for c in range(3):
-                b, d = second[j, c], third[j, c]
-                root = limited(p * first[j, c] + q * b + r * d + s * fourth[j, c], b, d)
-                light[i, j, c] = root * root
+        for k in range(values.shape[1]):
+            b, c = second[k], third[k]
+            root = limited(p * first[k] + q * b + r * c + s * fourth[k], b, c)
+            values[i, k] = root * root
 
 
 @inline_kernel
@@ -138,7 +132,7 @@ def enlarge_codes(small, row, row_weight, column, column_weight, dirty, rgb):
 
 @inline_kernel
 def widen(line, column, weight, wide):
-    """Enlarge a part of a row of pixels' codes, (3 w,) uint8, see enlarge_codes. wide : (3 W,) float32, written"""
+    """Enlarge a part of a row of codes, or of light, (3 w,), see enlarge_codes. wide : (3 W,) float32, written"""
     for j in range(len(column)):
         p, q, r, s = weight[j, 0], weight[j, 1], weight[j, 2], weight[j, 3]
         i, k = uint32(3) * uint32(column[j, 0]), uint32(3) * uint32(column[j, 1])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.jit import kernel, strict_inline_kernel, strict_kernel
+from wall.core.jit import inline_kernel, kernel, strict_inline_kernel, strict_kernel
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import COUNT, IRRADIANCE, SQRT_IRRADIANCE, WEIGHT, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
@@ -104,17 +104,20 @@ def copy_tiles(source, tiles, sums):
 
 
 @kernel
-def mix_accumulation(resolved, history, shown):
-    """Mix the accumulated mean of n samples into the resolved splats, with a share of 1 - 1 / (1 + n)^2.
+def mix_accumulation(under, history, shown, prior):
+    """Mix the accumulated mean of n samples into the resolved splats, or into what an image of fewer pixels showed.
 
-    From MEAN_ALONE samples on it is shown alone: splats may show what is no longer there, and at rest none are redone.
+    Of splats 1 / (1 + n)^2 stay, from MEAN_ALONE samples on none: splats may show what is no longer there, and at rest
+    none are redone. A prior counts as PRIOR samples, less from sample to sample, and no more from the MOST_PRIOR-th on:
+    its pixels know nothing of details, yet are means of more samples.
 
-    resolved : (h, w, 3) float32; history : PixelHistory, its dirty tiles are redone
+    under : (h, w, 3) float32; history : PixelHistory, its dirty tiles are redone
     shown : (h, w, 3) float32, written
+    prior : bool, `under` is one
     """
     dirty, accumulation = history.dirty, history.accumulation
-    height, width = resolved.shape[0], resolved.shape[1]
-    source, out = resolved.reshape(-1), shown.reshape(-1)
+    height, width = under.shape[0], under.shape[1]
+    source, out = under.reshape(-1), shown.reshape(-1)
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
             if not dirty[row, column]:
@@ -128,31 +131,19 @@ def mix_accumulation(resolved, history, shown):
                     continue
                 for j in range(left, right):
                     n = accumulation[i, j, COUNT]
-                    part = ONE / ((ONE + n) * (ONE + n)) if n < MEAN_ALONE else ZERO
+                    part = share_of_prior(n) if prior else share_of_splats(n)
                     own = ONE - part
                     for c in range(3):
-                        shown[i, j, c] = part * resolved[i, j, c] + own * accumulation[i, j, c]
+                        shown[i, j, c] = part * under[i, j, c] + own * accumulation[i, j, c]
 
 
-@kernel
-def mix_prior(prior, history, shown):
-    """Mix the accumulated mean of n samples into what an image of fewer pixels showed.
+@inline_kernel
+def share_of_splats(n):
+    """See mix_accumulation."""
+    return ONE / ((ONE + n) * (ONE + n)) if n < MEAN_ALONE else ZERO
 
-    That counts as PRIOR samples, less from sample to sample, and no more from the MOST_PRIOR-th on: its pixels know
-    nothing of details, yet are means of more samples.
 
-    prior : (h, w, 3) float32; history : PixelHistory, its dirty tiles are redone
-    shown : (h, w, 3) float32, written
-    """
-    dirty, accumulation = history.dirty, history.accumulation
-    height, width = prior.shape[0], prior.shape[1]
-    for row in range(dirty.shape[0]):
-        for column in range(dirty.shape[1]):
-            if not dirty[row, column]:
-                continue
-            for i in range(row * TILE, min((row + 1) * TILE, height)):
-                for j in range(column * TILE, min((column + 1) * TILE, width)):
-                    n = accumulation[i, j, COUNT]
-                    part = PRIOR / (PRIOR + n) * max(ONE - n / MOST_PRIOR, ZERO)
-                    for c in range(3):
-                        shown[i, j, c] = part * prior[i, j, c] + (ONE - part) * accumulation[i, j, c]
+@inline_kernel
+def share_of_prior(n):
+    """See mix_accumulation."""
+    return PRIOR / (PRIOR + n) * max(ONE - n / MOST_PRIOR, ZERO)

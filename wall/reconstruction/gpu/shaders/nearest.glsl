@@ -1,6 +1,6 @@
 // Every pixel: its nearest sample in one vector. Its accumulation is cleared where the object that it shows moved or is lit
-// anew, or where it holds samples of such an object; shortened where samples contradicted it. Depths
-// and rejections are cleared for the next refresh.
+// anew, or where it holds samples of such an object; shortened where samples contradicted it. Depths and rejections are
+// cleared for the next refresh.
 layout(std430, binding = 0) readonly buffer ScreenPosition { float screen[]; };
 layout(std430, binding = 1) readonly buffer ObjectId { uint object_id[]; };
 layout(std430, binding = 2) readonly buffer Objects { float objects[]; };
