@@ -28,12 +28,14 @@ from wall.tracing.kernels.values import (
     COUNTS,
     EMITTER_COLUMNS,
     EVERY_OBJECT,
+    MIRROR_ROOM,
     RAY_ROWS,
     SEEN,
     UNSEEN,
     Emitters,
     Lights,
     Materials,
+    Mirrored,
     Occlusion,
     Paths,
     RayFrame,
@@ -91,6 +93,7 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0
         arguments=embree.query_arguments(coherent=coherent),
         hit_before=np.zeros(embree.PACKET, np.uint32),
         counts=np.zeros(COUNTS, np.int64),
+        mirrored=Mirrored(np.zeros(9 * MIRROR_ROOM, np.float32), *np.zeros((2, MIRROR_ROOM), np.int64)),
         cuts=np.zeros((cuts, 4), np.float32) if cuts else None,
     )
 

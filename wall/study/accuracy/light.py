@@ -27,7 +27,7 @@ from wall.study.accuracy.scenes import (
     view,
     with_every_feature,
 )
-from wall.tracing.kernels.trace import MAX_BOUNCES
+from wall.tracing.kernels.mirrors import MAX_BOUNCES
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import make_tracer_scene
 

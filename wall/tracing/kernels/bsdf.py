@@ -1,6 +1,6 @@
-"""How surfaces scatter light: a diffuse share, and a mirror share that is followed by one more ray.
+"""How surfaces scatter direct light: a diffuse share, and the direction and the start of a ray that a mirror sends on.
 
-For direct light alone; paths scatter by scatter.py, opaque.py and glass.py. A lobe that is not diffuse needs a place
+Paths scatter by scatter.py, opaque.py and glass.py. A lobe that is not diffuse needs a place
 outside `Diffuse.of` (deepbuffer/lights.py), or it is relit as if it were diffuse.
 """
 
@@ -12,8 +12,7 @@ from wall.core.jit import lane_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
-from wall.tracing.kernels.surface import material_of
-from wall.tracing.kernels.values import EVERY_OBJECT, INF, INV_PI, MISS, ONE, ZERO
+from wall.tracing.kernels.values import EVERY_OBJECT, INV_PI, ZERO
 
 EVERY_OBJECT_MASK = np.uint32(EVERY_OBJECT)
 TWO = np.float32(2.0)
@@ -23,40 +22,6 @@ TWO = np.float32(2.0)
 def diffuse(cosine):
     """Lambert's BSDF of albedo 1 times the cosine between the shading normal and the direction to the light."""
     return cosine * INV_PI
-
-
-@lane_kernel
-def reflect(table, work):
-    """Sends the lanes on that hit mirrors; adds what all others show to their paths. Returns how many go on.
-
-    table : (k,) MATERIAL
-    """
-    p, bits, valid = work.packet, work.bits, work.valid
-    going = 0
-    for lane in range(16):
-        if valid[lane] == 0:
-            continue
-        share = ZERO
-        if p[rows.HIT + lane] != ZERO:
-            share = material_of(table, lane, work)["mirror"]
-        through = p[rows.THROUGHPUT + lane]
-        r, g, b = xyz(p, rows.RADIANCE_R, lane)
-        p[rows.PATH_RADIANCE_R + lane] += through * (ONE - share) * r
-        p[rows.PATH_RADIANCE_G + lane] += through * (ONE - share) * g
-        p[rows.PATH_RADIANCE_B + lane] += through * (ONE - share) * b
-        p[rows.THROUGHPUT + lane] = through * share
-        if share <= ZERO:
-            valid[lane] = 0
-            continue
-        going += 1
-        dx, dy, dz = mirrored(p, lane)
-        set_xyz(p, embree.DIRECTION_X, lane, dx, dy, dz)
-        start_off_surface(p, embree.ORIGIN_X, lane)
-        p[embree.T_FAR + lane] = INF
-        bits[embree.MASK + lane] = EVERY_OBJECT_MASK
-        bits[embree.GEOMETRY + lane] = MISS
-        bits[embree.INSTANCE + lane] = MISS
-    return going
 
 
 @lane_kernel

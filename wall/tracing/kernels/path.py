@@ -26,6 +26,7 @@ from wall.tracing.kernels.environment import density_of_environment
 from wall.tracing.kernels.glass import absorb
 from wall.tracing.kernels.lens import keep_distances, open_lens
 from wall.tracing.kernels.lights import see_sky
+from wall.tracing.kernels.mirrors import THIRD
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.scatter import scatter_lanes
@@ -40,7 +41,7 @@ from wall.tracing.kernels.surface import (
 from wall.tracing.kernels.terminator import find_raises, raise_towards
 from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
 from wall.tracing.kernels.textures import apply_textures, emission_of
-from wall.tracing.kernels.trace import DARKEST, THIRD, encode_normals, intersect, write_normal
+from wall.tracing.kernels.trace import DARKEST, encode_normals, intersect, write_normal
 from wall.tracing.kernels.values import (
     BAD_SAMPLES,
     INF,

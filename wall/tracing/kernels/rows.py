@@ -20,7 +20,6 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     OFFSET_BASE, OFFSET_SLOPE, OFFSET_STRETCH,  # what it follows from, see surface.finish_surfaces
     ALBEDO_R, ALBEDO_G, ALBEDO_B,
     RADIANCE_R, RADIANCE_G, RADIANCE_B,  # along the newest ray, without what its mirror shows
-    PATH_RADIANCE_R, PATH_RADIANCE_G, PATH_RADIANCE_B,  # along the primary ray: mirrors passed so far added up
     THROUGHPUT,  # share of the newest ray's radiance that reaches the eye through the mirrors before it
     LIGHT_WEIGHT,  # factor of a light's irradiance or intensity, besides the albedo; 0: the surface is turned away
     IRRADIANCE,  # radiance over albedo of the first surface: irradiance over pi
@@ -53,9 +52,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     EMISSION_R, EMISSION_G, EMISSION_B,  # likewise
     LONG_U, LONG_V,  # longer axis of the footprint, texture coordinates
     LONG_SQUARE, SHORT_SQUARE,  # squares of the footprint's axes in texels
-    DEPTH,  # of the first surface, from the eye; inf = background
     HIT,  # 1 where the newest ray hit something, else 0
-    OBJECT_ID,  # uint32, of the first surface; 0 = background
     LIGHT_VISIBILITY,  # uint32 mask of the newest surface, see core.data.SAMPLE
     SAMPLE_VISIBILITY,  # uint32 mask of the first surface
     NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
@@ -63,7 +60,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
     MATERIAL,  # uint32, row of Materials.rows that the newest ray hit; only where it hit something
     IMPORTANCE,  # of the slots of a light tree's node, not of lanes
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 113 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 108 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = IMPORTANCE + PACKET
 
 

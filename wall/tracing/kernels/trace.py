@@ -13,7 +13,6 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
-from wall.tracing.kernels.bsdf import reflect
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.cuts import reopen_misses, shorten_rays
 from wall.tracing.kernels.lights import (
@@ -26,7 +25,8 @@ from wall.tracing.kernels.lights import (
     light_count,
     see_sky,
 )
-from wall.tracing.kernels.rows import set_xyz, xyz
+from wall.tracing.kernels.mirrors import THIRD, add_mirrored, begin_mirrors, load_mirrored, reflect, start_throughputs
+from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.surface import (
     colour_by_vertices,
     colour_points,
@@ -35,7 +35,7 @@ from wall.tracing.kernels.surface import (
     material_of,
 )
 from wall.tracing.kernels.terminator import find_raises
-from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
+from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints
 from wall.tracing.kernels.textures import apply_textures
 from wall.tracing.kernels.trees import closest_hits
 from wall.tracing.kernels.values import (
@@ -51,10 +51,8 @@ from wall.tracing.kernels.values import (
     ZERO,
 )
 
-MAX_BOUNCES = 4  # mirror chains are cut here; what is behind the last mirror is dropped
 DARKEST = np.float32(1e-3)  # of three channels' reflectance: below it a colour cannot be divided out
 TINY = np.float32(1e-30)
-THIRD = np.float32(1.0 / 3.0)
 STEPS, CODE_OFFSET = np.float32(127.0), 128  # of a normal's octahedral components, and what makes codes unsigned
 BYTE = np.uint32(255)
 
@@ -76,20 +74,33 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
     -------
     kept : int, samples written; records 0..kept-1 are filled, those with NaN or infinite radiance are left out
     """
-    kept, cone = 0, pixel_cone(camera, materials.textures.texels)
-    for first in range(0, xy.shape[0], 16):
-        count = min(16, xy.shape[0] - first)
-        make_rays(camera, xy, first, count, work)
-        start_footprints(cone, materials.textures.texels, work)
+    texels, mirrors, n = materials.textures.texels, materials.mirrors, xy.shape[0]
+    cone, first, waiting, bad = pixel_cone(camera, texels), 0, 0, 0
+    while first < n or waiting > 0:
+        primary = first < n and waiting < 16
+        count = min(16, n - first if primary else waiting)
+        if primary:
+            make_rays(camera, xy, first, count, work)
+            start_footprints(cone, texels, work)
+            start_throughputs(mirrors, work)
+        else:
+            waiting -= count
+            load_mirrored(mirrors, waiting, count, texels, work)
+        work.counts[PRIMARY_RAYS if primary else SECONDARY_RAYS] += count
         intersect(scene, work)
-        work.counts[PRIMARY_RAYS] += count
-        record_hits(work)
         light_packet(scene, surfaces, materials, lights, work)
-        divide_out_albedo(work)
-        encode_normals(surfaces.relit, surfaces.meshes.eye_from_object, materials.rows, work)
-        follow_mirrors(materials.mirrors, scene, surfaces, materials, lights, work)
-        kept = write_samples(xy, first, count, samples, kept, surfaces.relit, work)
-    return kept
+        if primary:
+            divide_out_albedo(work)
+            encode_normals(surfaces.relit, surfaces.meshes.eye_from_object, materials.rows, work)
+            reflect(mirrors, texels, materials.rows, work)
+            bad += write_samples(xy, first, count, samples, surfaces.relit, work)
+            waiting = begin_mirrors(mirrors, first, count, waiting, texels, work)
+            first += count
+        else:
+            reflect(mirrors, texels, materials.rows, work)
+            waiting, more = add_mirrored(mirrors, waiting, count, samples, texels, work)
+            bad += more
+    return n if bad == 0 else drop_bad(samples, n, work)
 
 
 @inline_kernel
@@ -98,16 +109,6 @@ def intersect(scene, work):
     shorten_rays(work.cuts, 0, work)
     closest_hits(scene, work)
     reopen_misses(work.cuts, work)
-
-
-@inline_kernel
-def record_hits(work):
-    """Fills the rows DEPTH, infinite on a miss, and OBJECT_ID of an intersected packet."""
-    p, bits = work.packet, work.bits
-    for lane in range(16):
-        p[rows.DEPTH + lane] = p[embree.T_FAR + lane]
-        missed = bits[embree.GEOMETRY + lane] == MISS
-        bits[rows.OBJECT_ID + lane] = np.uint32(0) if missed else bits[embree.INSTANCE + lane] + np.uint32(1)
 
 
 @inline_kernel
@@ -132,32 +133,6 @@ def light_packet(scene, surfaces, materials, lights, work):
     first_spot = first_point + light_count(lights.points)
     work.counts[SHADOW_RAYS] += add_lights(SPOT, lights.spots, first_spot, rounded, scene, work)
     add_emission(materials.emits, materials.emission_textures, materials.rows, work)
-
-
-@inline_kernel
-def follow_mirrors(mirrors, scene, surfaces, materials, lights, work):
-    """Follows mirrors up to MAX_BOUNCES times and sums up what they show; mirrors = None does nothing."""
-    if mirrors is not None:
-        p = work.packet
-        for lane in range(16):
-            set_xyz(p, rows.PATH_RADIANCE_R, lane, ZERO, ZERO, ZERO)
-            p[rows.THROUGHPUT + lane] = ONE
-        for _bounce in range(MAX_BOUNCES):
-            widen_footprints(materials.textures.texels, work)
-            going = reflect(materials.rows, work)
-            if going == 0:
-                break
-            work.counts[SECONDARY_RAYS] += going
-            for lane in range(16):  # what a mirror shows has no colour to divide out
-                p[rows.IRRADIANCE + lane] = -ONE if work.valid[lane] != 0 else p[rows.IRRADIANCE + lane]
-            intersect(scene, work)
-            light_packet(scene, surfaces, materials, lights, work)
-        reflect(materials.rows, work)
-        for lane in range(16):
-            r, g, b = xyz(p, rows.PATH_RADIANCE_R, lane)
-            own = p[rows.IRRADIANCE + lane]
-            p[rows.IRRADIANCE + lane] = (r + g + b) * THIRD if own < ZERO else own
-            set_xyz(p, rows.RADIANCE_R, lane, r, g, b)
 
 
 @inline_kernel
@@ -198,27 +173,39 @@ def encode_normals(relit, eye_from_object, table, work):
 
 
 @inline_kernel
-def write_samples(xy, first, count, samples, kept, relit, work):
-    """Writes the packet's records from `kept` on, leaving out radiance that is not finite. Returns the new `kept`."""
-    p, bits = work.packet, work.bits
+def write_samples(xy, first, count, samples, relit, work):
+    """Writes the packet's records from `first` on. Returns how many have radiance that is not finite."""
+    p, bits, bad = work.packet, work.bits, 0
     for lane in range(count):
         r, g, b = xyz(p, rows.RADIANCE_R, lane)
-        if not abs(r) + abs(g) + abs(b) < INF:
-            work.counts[BAD_SAMPLES] += 1
-            continue
-        sample = samples[kept]
+        bad += 0 if abs(r) + abs(g) + abs(b) < INF else 1
+        sample = samples[first + lane]
         sample["xy"][0] = xy[first + lane, 0]
         sample["xy"][1] = xy[first + lane, 1]
         sample["radiance"][0] = r
         sample["radiance"][1] = g
         sample["radiance"][2] = b
-        sample["depth"] = p[rows.DEPTH + lane]
-        sample["object_id"] = bits[rows.OBJECT_ID + lane]
+        sample["depth"] = p[embree.T_FAR + lane]
+        missed = bits[embree.GEOMETRY + lane] == MISS
+        sample["object_id"] = np.uint32(0) if missed else bits[embree.INSTANCE + lane] + np.uint32(1)
         sample["sqrt_irradiance"] = math.sqrt(max(p[rows.IRRADIANCE + lane], ZERO))
         sample["change"] = ZERO
         if relit is not None:
             write_normal(sample, lane, work)
             sample["light_visibility"] = bits[rows.SAMPLE_VISIBILITY + lane]
+    return bad
+
+
+@inline_kernel
+def drop_bad(samples, n, work):
+    """Closes up the first n records whose radiance is finite, and counts the others. Returns how many are left."""
+    kept = 0
+    for k in range(n):
+        radiance = samples[k]["radiance"]
+        if not abs(radiance[0]) + abs(radiance[1]) + abs(radiance[2]) < INF:
+            work.counts[BAD_SAMPLES] += 1
+            continue
+        samples[kept] = samples[k]
         kept += 1
     return kept
 

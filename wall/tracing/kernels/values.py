@@ -32,6 +32,7 @@ PRIMARY_RAYS, SHADOW_RAYS, SECONDARY_RAYS, BAD_SAMPLES = range(4)
 COUNTS = 4
 
 RAY_ROWS = 12  # of Paths.rays
+MIRROR_ROOM = 32  # rays: 15 that wait for a full packet, and those of the packet that comes
 
 # columns of Surfaces.mesh_table, and the flags in the last of them
 FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS = range(4)
@@ -231,6 +232,14 @@ class Recording(NamedTuple):
     asked: NDArray[np.int64]  # (1,) queries so far, also beyond the room
 
 
+class Mirrored(NamedTuple):
+    """Rays that wait behind mirrors until a packet of them is full, see mirrors.py."""
+
+    rays: Float32  # (9 * MIRROR_ROOM,): origins, directions, throughputs, widths and spreads of their cones
+    sample: NDArray[np.int64]  # (MIRROR_ROOM,) record that they belong to
+    bounce: NDArray[np.int64]  # (MIRROR_ROOM,) mirrors before theirs
+
+
 class Workspace(NamedTuple):
     """One thread's packet, 64-byte aligned; see workspace() in tracer.py, which sets the rows that never change."""
 
@@ -241,5 +250,6 @@ class Workspace(NamedTuple):
     arguments: NDArray[np.uint32]  # RTCIntersectArguments
     hit_before: NDArray[np.uint32]  # (16,) scratch of trees.closest_hits
     counts: NDArray[np.int64]  # (4,) PRIMARY_RAYS ... BAD_SAMPLES
+    mirrored: Mirrored
     cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
     recording: Recording | None = None  # of queries; None: nobody measures
