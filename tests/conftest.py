@@ -30,8 +30,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Refuse tests that watch the clock where launch/test does not look for them."""
+    """Refuse tests that watch the clock where launch/test does not look for them; skip what plain Python is too slow
+    for before anything of it is set up."""
     for item in items:
+        if JIT_DISABLED and "compiled_only" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.skip(reason="too many rays or pixels for NUMBA_DISABLE_JIT=1"))
         folder = item.path.parent.name
         if item.get_closest_marker("clock") is not None and folder not in ("process", "browser"):
             raise pytest.UsageError(f"{item.nodeid}: tests marked clock stand in tests/process or tests/browser")
@@ -40,8 +43,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture
 def compiled_only() -> None:
     """For tests of many rays or pixels, which plain Python would take minutes for."""
-    if JIT_DISABLED:
-        pytest.skip("too many rays or pixels for NUMBA_DISABLE_JIT=1")
 
 
 @pytest.fixture
@@ -55,6 +56,8 @@ def as_in_a_terminal() -> Iterator[None]:
 @pytest.fixture
 def opengl() -> Device:
     """OpenGL of this thread, from a GPU or from Mesa's llvmpipe; without EGL the test is skipped with the reason."""
+    if JIT_DISABLED:
+        pytest.skip("NUMBA_DISABLE_JIT=1 is for kernels, which a GPU does not run")
     try:
         return device()
     except GpuError as error:
