@@ -178,7 +178,7 @@ class Tracer:
         self.place(event.camera.origin(), moment)
         frame = ray_frame(self._panel, self._eye, event.camera)
         lens = moment.shading.lens
-        discs = None if lens is None else lens.rows(event.camera.rotation())
+        discs = None if lens is None or self._depth is None else lens.rows(event.camera.rotation())
         self._ray_frame = self._ray_frame._replace(frame=frame, lens=discs)
 
     def look_through(self, panel: Panel, eye: Float64, event: Event) -> None:
