@@ -40,7 +40,7 @@ numba.config.reload_config()  # type: ignore[no-untyped-call]  # now, not amid a
 VECTORS: int = numba.config.SLP_VECTORIZE  # type: ignore[attr-defined]
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
-LONGEST_LOCK_S = 2.0  # of an index of compiled kernels, which another process holds for milliseconds
+LONGEST_LOCK_S = 2.0  # of an index of compiled kernels, which is held for milliseconds: without it, it may lack one
 LONGEST_WAIT_S = 5.0  # for a thread that compiles, at the end of a process
 
 # of all kernels; C calls none of them
@@ -236,7 +236,7 @@ def _save_alone(file: Any) -> Callable[[Any, Any], None]:
     def save(key: Any, data: Any) -> None:
         name = file._data_name_pattern.replace("{number:d}", uuid4().hex)
         file._save_data(name, data)  # before anybody can look for it
-        with _locked(Path(f"{file._index_path}.lock")):
+        with locked(Path(f"{file._index_path}.lock"), LONGEST_LOCK_S):
             index = file._load_index()
             if key not in index:
                 file._save_index(index | {key: name})
@@ -247,10 +247,10 @@ def _save_alone(file: Any) -> Callable[[Any, Any], None]:
 
 
 @contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Hold a file's lock if that can be had soon: without it the index may lack a kernel, which is compiled again."""
+def locked(path: Path, longest: float) -> Iterator[None]:
+    """Hold a file's lock, waited for `longest` seconds at most; after that, or where there are none, go on without."""
     with open(path, "w") as lock:
-        limit = time.monotonic() + LONGEST_LOCK_S
+        limit = time.monotonic() + longest
         while time.monotonic() < limit:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

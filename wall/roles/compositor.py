@@ -41,7 +41,7 @@ from wall.roles.instructions import (
 from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
 from wall.roles.statistics import Due
-from wall.roles.status import AWAY_FROM_HEAD, Latency, Rates, statistics_of, status_of, totals_of
+from wall.roles.status import AWAY_FROM_HEAD, Latency, Rates, statistics_of, status_of, steered, totals_of
 from wall.roles.view import EARLY_APART_S, FollowedView
 
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
@@ -260,10 +260,9 @@ class Compositor:
                 oldest[layer.index] = max(0.0, now - beat.oldest_sample_at)
         status = status_of(
             self._plan, event, self._beats, self.standing.members, self.latency,
-            now=now, seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
-            parameters=self._states_under(event), selection=self._selection, gone=self._gone,
-            views=[view.event for view in self._views],
+            now=now, seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest, gone=self._gone,
         )  # fmt: skip
+        status = steered(status, self._states_under(event), [view.event for view in self._views], self._selection)
         ranks = range(self._plan.layout.size)
         totals = tuple(totals_of(self._beats.get(k), self._known.get(k), now) for k in ranks)
         notes = [said for at, said in self._notes if now < at + REFUSAL_SHOWN_S or not said.startswith(REFUSED)]

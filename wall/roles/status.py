@@ -6,6 +6,7 @@ import math
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from wall.roles.manager import Manager
 
 LEAST_S = 1e-3  # that a rate is an average of
-NOTHING_SELECTED = Selection()
 RECENT_LATENCIES = 240  # shown in the viewer's plot
 UNSEEN_EVENTS = 4096  # remembered until a sample of them is shown
 MEASURED_LATENCIES = 65536  # kept for the summary
@@ -90,12 +90,9 @@ def status_of(
     seconds: float,
     refreshes_per_s: float,
     oldest: Mapping[int, float | None],
-    parameters: tuple[ParameterState, ...] = (),
-    views: Sequence[Event | None] = (),
-    selection: Selection = NOTHING_SELECTED,
     gone: Collection[int] = (),
 ) -> Status:
-    """What sinks may show of the run; `views`: the newest event of each.
+    """What sinks may show of the run, but for what people steer: see `steered`.
 
     `now`: seconds of the head's clock; `seconds`: since it began; `oldest`: age of the oldest sample shown, by layer;
     `gone`: ranks that were in the run, and are not heard of.
@@ -124,13 +121,22 @@ def status_of(
         slow=why_slow(layout, living),
         samples_per_pixel=min((beat.samples_per_pixel for beat in renderers), default=0),
         error=math.sqrt(sum(beat.square_error for beat in renderers) / max(len(renderers), 1)),
+        latency_counts=tuple(latency.counts),
+        latency_sum_s=latency.sum_s,
+    )
+
+
+def steered(
+    status: Status, parameters: tuple[ParameterState, ...], views: Sequence[Event | None], selection: Selection
+) -> Status:
+    """A status with what people steer; `views`: the newest event of each."""
+    return replace(
+        status,
         parameters=parameters,
         view_samplers=tuple("" if each is None else each.sampler for each in views),
         view_paused=tuple(each is not None and each.paused for each in views),
         selected=tuple(selection.names),
         bookmarks=tuple(selection.bookmarks),
-        latency_counts=tuple(latency.counts),
-        latency_sum_s=latency.sum_s,
     )
 
 

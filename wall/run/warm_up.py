@@ -6,7 +6,6 @@ that lets progress be shown. A lock in the cache folder makes ranks that start t
 
 from __future__ import annotations
 
-import fcntl
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator
@@ -20,7 +19,7 @@ from wall.core.clock import ManualClock
 from wall.core.colour import srgb_curve
 from wall.core.data import SAMPLE, Batch, Framelet, Rect, Region
 from wall.core.errors import ConfigError
-from wall.core.jit import cache_root, compiled_kernels, when_compiling
+from wall.core.jit import cache_root, compiled_kernels, locked, when_compiling
 from wall.display.cheapest import exact_tiles
 from wall.display.kernels.tiles import take_visible
 from wall.display.tiles import TILE, changed_tiles
@@ -39,6 +38,7 @@ from wall.scene.picking import Picking
 from wall.tracing.tracer_scene import TracerScene
 
 ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled; for the few that another one lacks no second compiler
+LONGEST_OTHERS_S = 300.0  # that another process's compiling is waited for: two at once take longer, and harm nothing
 ADAPTIVE = "adaptive"  # last of all samplers: the second compiler has begun with it
 TINY = Rect(x=0, y=0, width=8, height=8)
 
@@ -71,7 +71,7 @@ def warm_up(
     apart = compiled_kernels() < ENOUGH_KERNELS and not beside and ADAPTIVE in methods
     second = _second_compiler(plan) if apart else nullcontext()
     stages = _Stages(say)
-    with _one_compiler(), second, when_compiling(stages.compiles):
+    with locked(cache_root() / "lock", LONGEST_OTHERS_S), second, when_compiling(stages.compiles):
         for method in methods:
             stages.begin(method)
             _one_pixel_block(plan, tracer_scene, method)
@@ -274,11 +274,3 @@ def _between(plan: Plan) -> None:
         take_visible(shown, shown.copy(), TILE, np.uint8(0), tiles)
     if graph.compositors > 1 or any(layer.at_renderer for layer in graph.layers):
         FrameletPart.of(0, light, few).write(light)
-
-
-@contextmanager
-def _one_compiler() -> Iterator[None]:
-    folder = cache_root()
-    with open(folder / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield

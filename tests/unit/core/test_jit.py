@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import fcntl
 import gc
 import os
 import stat
@@ -126,6 +127,18 @@ def test_of_two_processes_that_save_at_once_none_finds_the_kernel_of_the_other(
     one.save("one", "one's")
     assert later.load("one") in ("one's", None), "else it is compiled again"
     assert later.load("other") in ("other's", None), "not the other's"
+
+
+def test_a_lock_that_another_never_gives_back_is_waited_for_no_longer_than_said(tmp_path: Path) -> None:
+    path = tmp_path / "lock"
+    with open(path, "w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with jit.locked(path, 0.05):
+            pass
+        with pytest.raises(BlockingIOError), open(path, "w") as other:
+            fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with jit.locked(path, 5.0), pytest.raises(BlockingIOError), open(path, "w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def test_garbage_is_collected_less_often_while_a_kernel_is_compiled_and_as_before_afterwards() -> None:
