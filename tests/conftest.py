@@ -42,7 +42,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture
 def compiled_only() -> None:
-    """For tests of many rays or pixels, which plain Python would take minutes for."""
+    """For tests of many rays or pixels: in plain Python, where they take minutes, they are skipped, see above."""
 
 
 @pytest.fixture

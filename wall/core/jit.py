@@ -40,7 +40,7 @@ numba.config.reload_config()  # type: ignore[no-untyped-call]  # now, not amid a
 VECTORS: int = numba.config.SLP_VECTORIZE  # type: ignore[attr-defined]
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
-LONGEST_LOCK_S = 2.0  # of an index of compiled kernels, which is held for milliseconds: without it, it may lack one
+LONGEST_LOCK_S = 2.0  # of an index, held for milliseconds; without it a kernel may be lost, and compiled again
 LONGEST_WAIT_S = 5.0  # for a thread that compiles, at the end of a process
 
 # of all kernels; C calls none of them
@@ -255,8 +255,10 @@ def locked(path: Path, longest: float) -> Iterator[None]:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
-            except OSError:  # held, or not to be had on this file system
+            except BlockingIOError:
                 time.sleep(0.01)
+            except OSError:  # this file system has none
+                break
         yield
 
 

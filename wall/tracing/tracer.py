@@ -29,18 +29,19 @@ from wall.tracing.kernels.values import (
     EMITTER_COLUMNS,
     EVERY_OBJECT,
     MIRROR_ROOM,
+    MIRROR_ROWS,
     RAY_ROWS,
     SEEN,
     UNSEEN,
     Emitters,
     Lights,
     Materials,
-    Mirrored,
     Occlusion,
     Paths,
     RayFrame,
     Surfaces,
     Trees,
+    WaitingRays,
     Workspace,
 )
 from wall.tracing.light_trees import DeltaLights, EmitterTree
@@ -93,7 +94,7 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0
         arguments=embree.query_arguments(coherent=coherent),
         hit_before=np.zeros(embree.PACKET, np.uint32),
         counts=np.zeros(COUNTS, np.int64),
-        mirrored=Mirrored(np.zeros(9 * MIRROR_ROOM, np.float32), *np.zeros((2, MIRROR_ROOM), np.int64)),
+        waiting=WaitingRays(np.zeros(MIRROR_ROWS * MIRROR_ROOM, np.float32), *np.zeros((2, MIRROR_ROOM), np.int64)),
         cuts=np.zeros((cuts, 4), np.float32) if cuts else None,
     )
 
@@ -178,7 +179,7 @@ class Tracer:
         self.place(event.camera.origin(), moment)
         frame = ray_frame(self._panel, self._eye, event.camera)
         lens = moment.shading.lens
-        discs = None if lens is None or self._depth is None else lens.rows(event.camera.rotation())
+        discs = None if lens is None else lens.rows(event.camera.rotation())
         self._ray_frame = self._ray_frame._replace(frame=frame, lens=discs)
 
     def look_through(self, panel: Panel, eye: Float64, event: Event) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import fcntl
 import gc
 import os
@@ -139,6 +140,16 @@ def test_a_lock_that_another_never_gives_back_is_waited_for_no_longer_than_said(
             fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
     with jit.locked(path, 5.0), pytest.raises(BlockingIOError), open(path, "w") as other:
         fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_where_a_file_system_has_no_locks_nothing_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(file: object, operation: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    monkeypatch.setattr(jit.time, "sleep", lambda seconds: pytest.fail("it waits"))
+    with jit.locked(tmp_path / "lock", 300.0):
+        pass
 
 
 def test_garbage_is_collected_less_often_while_a_kernel_is_compiled_and_as_before_afterwards() -> None:

@@ -19,11 +19,14 @@ from small_scenes import (
     traced_with_every_feature,
     turned,
     view,
+    with_every_feature,
 )
 
 from wall.core.data import Float64
 from wall.scene.build import Scene
-from wall.scene.model import DirectionalLight, Instance, Material, Mesh, Sky, Texture, TextureSet
+from wall.scene.model import DirectionalLight, Instance, Material, Mesh, PointLight, Sky, Texture, TextureSet
+from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 LIGHT = DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=(math.pi, math.pi, math.pi))
 WHITE = (1.0, 1.0, 1.0)
@@ -125,6 +128,62 @@ def test_two_parallel_mirrors_stop_at_the_depth_limit_with_a_geometric_series() 
     got = traced_with_every_feature(scene, view((0, 0, 5), (0, 0, 0), pixels=(3, 3)))
     np.testing.assert_allclose(got.radiance, 1 - share**5, rtol=1e-6)
     assert got.cost.secondary == 9 * 4
+
+
+def balls_that_mirror_each_other() -> Scene:
+    """Two balls side by side, of which each shows the other one and so on; behind the eye a finely textured wall."""
+    balls = [instance(0, at=(x, 0.0, 0.0)) for x in (-1.05, 1.05)]
+    wall = quad(60.0, 60.0, material=1, uvs=True)
+    assert wall.uvs is not None
+    return scene_of(
+        [sphere_mesh(segments=48), replace(wall, uvs=np.float32(40.0) * wall.uvs)],
+        [*balls, instance(1, at=(0.0, 0.0, 8.0), turn=("y", 180.0))],
+        materials=[material(0.5, 0.5, 0.0, mirror=0.7), material(*WHITE, base_color_texture=0)],
+        textures=[Texture(name="t", texels=TEXELS)],
+        sky=Sky(zenith=(0, 0, 1), horizon=(0, 1, 0), ground=(1, 0, 0)),
+    )
+
+
+@pytest.mark.parametrize("order", ["shuffled", "as many wait as may"])
+def test_rays_behind_mirrors_show_the_same_whatever_packets_they_come_from(order: str) -> None:
+    """In raster order mirrored lanes lie side by side; shuffled, a few stand in each packet, and wait for others.
+
+    At most 15 wait while a packet of 16 more comes.
+    """
+    seen = view((0, 0, 4), (0, 0, 0), pixels=(40, 24))
+    scene = make_tracer_scene(with_every_feature(balls_that_mirror_each_other()))
+    tracer = Tracer(scene, seen.panel, seen.eye, coherent=True)
+    tracer.set_event(seen.event)
+    y, x = np.mgrid[0:24, 0:40]
+    xy = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32) + np.float32(0.5)
+    together, cost = tracer.trace(xy)
+    places = np.random.default_rng(5).permutation(len(xy))
+    if order != "shuffled":
+        hit = np.isfinite(together["depth"])[places]
+        hits, misses = places[hit], places[~hit]
+        places = np.concatenate([hits[:15], misses[:1], hits[15:31], hits[31:], misses[1:]])
+    apart, other = tracer.trace(xy[places])
+    assert cost == other
+    mirrored = np.isfinite(together["depth"]).sum()
+    assert 16 < mirrored < len(xy) / 2
+    assert mirrored < cost.secondary < 2 * mirrored, "some show the other ball"
+    np.testing.assert_array_equal(apart, together[places])
+
+
+def test_what_is_broken_behind_a_mirror_is_left_out_and_counted() -> None:
+    """A mirror shows two triangles behind the eye; one has a vertex whose colour is no number."""
+    colors = [[1, 1, 1], [1, 1, 1], [1, 1, 1], [math.nan, 1, 1]]
+    behind = instance(1, at=(0, 0, 8), turn=("y", 180.0))
+    scene = scene_of(
+        [quad(50.0, 50.0), quad(4.0, 4.0, material=1, colors=colors)], [instance(0), behind],
+        materials=[material(0, 0, 0, mirror=1.0), material(1, 1, 1)],
+        lights=[PointLight(position=(3.0, 0.0, 4.0), intensity=(100.0, 100.0, 100.0))],
+    )  # fmt: skip
+    got = traced_with_every_feature(scene, view((0, 0, 4), (0, 0, 0), pixels=(16, 16), fov=FOUR_UNITS))
+    dropped = np.isnan(got.radiance).any(axis=-1)
+    assert 20 < dropped.sum() == got.cost.bad < 200
+    assert (got.radiance[~dropped] > 0.1).any(), "the other triangle"
+    assert got.cost.secondary == 256
 
 
 def test_a_mirror_ball_shows_the_sky_of_the_mirrored_direction() -> None:
@@ -229,9 +288,6 @@ def test_features_left_out_give_the_same_image_as_features_unused(tiny_scene: Sc
 
 @pytest.mark.parametrize("n", [0, 1, 15, 16, 17, 33])
 def test_packets_that_are_not_full_give_the_same_samples(tiny_scene: Scene, tiny_view: View, n: int) -> None:
-    from wall.tracing.tracer import Tracer
-    from wall.tracing.tracer_scene import make_tracer_scene
-
     tracer = Tracer(make_tracer_scene(tiny_scene), tiny_view.panel, tiny_view.eye, coherent=True)
     tracer.set_event(tiny_view.event)
     xy = np.random.default_rng(3).uniform(0, 24, (40, 2)).astype(np.float32)

@@ -1,6 +1,6 @@
-"""How surfaces scatter direct light: a diffuse share, and the direction and the start of a ray that a mirror sends on.
+"""Lambert's reflection, mirrored directions and where secondary rays start, for all integrators.
 
-Paths scatter by scatter.py, opaque.py and glass.py. A lobe that is not diffuse needs a place
+Paths scatter by scatter.py, opaque.py and glass.py. Under direct light, a lobe that is not diffuse needs a place
 outside `Diffuse.of` (deepbuffer/lights.py), or it is relit as if it were diffuse.
 """
 
@@ -12,9 +12,8 @@ from wall.core.jit import lane_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
-from wall.tracing.kernels.values import EVERY_OBJECT, INV_PI, ZERO
+from wall.tracing.kernels.values import INV_PI, ZERO
 
-EVERY_OBJECT_MASK = np.uint32(EVERY_OBJECT)
 TWO = np.float32(2.0)
 
 

@@ -19,14 +19,12 @@ from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.aiming import add_aimed, add_light
-from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.emitters import density_of_emitter, place_emitters
 from wall.tracing.kernels.environment import density_of_environment
 from wall.tracing.kernels.glass import absorb
 from wall.tracing.kernels.lens import keep_distances, open_lens
 from wall.tracing.kernels.lights import see_sky
-from wall.tracing.kernels.mirrors import THIRD
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.scatter import scatter_lanes
@@ -44,12 +42,14 @@ from wall.tracing.kernels.textures import apply_textures, emission_of
 from wall.tracing.kernels.trace import DARKEST, encode_normals, intersect, write_normal
 from wall.tracing.kernels.values import (
     BAD_SAMPLES,
+    EVERY_OBJECT_MASK,
     INF,
     MISS,
     ONE,
     PRIMARY_RAYS,
     RAY_ROWS,
     SECONDARY_RAYS,
+    THIRD,
     ZERO,
 )
 

@@ -1,7 +1,7 @@
 """Traces batches of samples: rays from pixels, 16-wide Embree queries, direct light, mirrors, sample records out.
 
 Everything is relative to the eye: rays start at 0, instances and lights are placed by float64 differences to the eye
-and only then rounded to float32. A packet goes through camera -> surface -> lights and bsdf, a file each.
+and only then rounded to float32. A packet goes through camera -> surface -> lights and bsdf -> mirrors, a file each.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from wall.tracing.kernels.lights import (
     light_count,
     see_sky,
 )
-from wall.tracing.kernels.mirrors import THIRD, add_mirrored, begin_mirrors, load_mirrored, reflect, start_throughputs
+from wall.tracing.kernels.mirrors import add_mirrored, begin_mirrors, load_mirrored, reflect, start_throughputs
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.surface import (
     colour_by_vertices,
@@ -48,6 +48,7 @@ from wall.tracing.kernels.values import (
     PRIMARY_RAYS,
     SECONDARY_RAYS,
     SHADOW_RAYS,
+    THIRD,
     ZERO,
 )
 
@@ -75,8 +76,8 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
     kept : int, samples written; records 0..kept-1 are filled, those with NaN or infinite radiance are left out
     """
     texels, mirrors, n = materials.textures.texels, materials.mirrors, xy.shape[0]
-    cone, first, waiting, bad = pixel_cone(camera, texels), 0, 0, 0
-    while first < n or waiting > 0:
+    cone, first, waiting, bad = pixel_cone(camera, texels), 0, 0, False
+    while first < n or waiting > 0:  # both kinds of packets in one loop: lighting them is compiled once
         primary = first < n and waiting < 16
         count = min(16, n - first if primary else waiting)
         if primary:
@@ -93,14 +94,14 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
             divide_out_albedo(work)
             encode_normals(surfaces.relit, surfaces.meshes.eye_from_object, materials.rows, work)
             reflect(mirrors, texels, materials.rows, work)
-            bad += write_samples(xy, first, count, samples, surfaces.relit, work)
+            bad |= write_samples(xy, first, count, samples, surfaces.relit, work)
             waiting = begin_mirrors(mirrors, first, count, waiting, texels, work)
             first += count
         else:
             reflect(mirrors, texels, materials.rows, work)
             waiting, more = add_mirrored(mirrors, waiting, count, samples, texels, work)
-            bad += more
-    return n if bad == 0 else drop_bad(samples, n, work)
+            bad |= more
+    return drop_bad(samples, n, work) if bad else n
 
 
 @inline_kernel
@@ -174,11 +175,11 @@ def encode_normals(relit, eye_from_object, table, work):
 
 @inline_kernel
 def write_samples(xy, first, count, samples, relit, work):
-    """Writes the packet's records from `first` on. Returns how many have radiance that is not finite."""
-    p, bits, bad = work.packet, work.bits, 0
+    """Writes the packet's records from `first` on. Returns whether the radiance of some is not finite."""
+    p, bits, bad = work.packet, work.bits, False
     for lane in range(count):
         r, g, b = xyz(p, rows.RADIANCE_R, lane)
-        bad += 0 if abs(r) + abs(g) + abs(b) < INF else 1
+        bad |= not abs(r) + abs(g) + abs(b) < INF
         sample = samples[first + lane]
         sample["xy"][0] = xy[first + lane, 0]
         sample["xy"][1] = xy[first + lane, 1]

@@ -18,10 +18,11 @@ from wall.tracing.embree import NO_HIT
 INF = np.float32(np.inf)
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 MISS = np.uint32(NO_HIT)
-INV_PI = np.float32(1.0 / math.pi)
+INV_PI, THIRD = np.float32(1.0 / math.pi), np.float32(1.0 / 3.0)
 
 # Embree ray masks
 EVERY_OBJECT = 0xFFFFFFFF  # hit by rays that any object stops
+EVERY_OBJECT_MASK = np.uint32(EVERY_OBJECT)
 SEEN, UNSEEN = 1, 2  # objects that primary rays may hit, and those that only shadow rays and mirrors know
 
 ALL_LIGHTS = np.uint32(0xFFFFFFFF)  # light visibility mask where nothing is hidden
@@ -32,7 +33,7 @@ PRIMARY_RAYS, SHADOW_RAYS, SECONDARY_RAYS, BAD_SAMPLES = range(4)
 COUNTS = 4
 
 RAY_ROWS = 12  # of Paths.rays
-MIRROR_ROOM = 32  # rays: 15 that wait for a full packet, and those of the packet that comes
+MIRROR_ROOM, MIRROR_ROWS = 32, 9  # of WaitingRays: 15 that wait for a full packet, and those of the packet that comes
 
 # columns of Surfaces.mesh_table, and the flags in the last of them
 FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS = range(4)
@@ -232,12 +233,12 @@ class Recording(NamedTuple):
     asked: NDArray[np.int64]  # (1,) queries so far, also beyond the room
 
 
-class Mirrored(NamedTuple):
-    """Rays that wait behind mirrors until a packet of them is full, see mirrors.py."""
+class WaitingRays(NamedTuple):
+    """Rays that mirrors send on, until a packet of them is full, see mirrors.py."""
 
-    rays: Float32  # (9 * MIRROR_ROOM,): origins, directions, throughputs, widths and spreads of their cones
+    rays: Float32  # (MIRROR_ROWS * MIRROR_ROOM,): origins, directions, throughputs, widths and spreads of their cones
     sample: NDArray[np.int64]  # (MIRROR_ROOM,) record that they belong to
-    bounce: NDArray[np.int64]  # (MIRROR_ROOM,) mirrors before theirs
+    bounce: NDArray[np.int64]  # (MIRROR_ROOM,) 0 where the first mirror sent them
 
 
 class Workspace(NamedTuple):
@@ -250,6 +251,6 @@ class Workspace(NamedTuple):
     arguments: NDArray[np.uint32]  # RTCIntersectArguments
     hit_before: NDArray[np.uint32]  # (16,) scratch of trees.closest_hits
     counts: NDArray[np.int64]  # (4,) PRIMARY_RAYS ... BAD_SAMPLES
-    mirrored: Mirrored
+    waiting: WaitingRays
     cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
     recording: Recording | None = None  # of queries; None: nobody measures
