@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import socket
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -21,6 +23,8 @@ from wall.run.same_files import differences, fingerprints
 from wall.transport.curve import KeyPair, Keys
 from wall.transport.shared_memory import machine_id
 
+RETRY_S = 2.0  # after files could not be read
+
 
 class Inviter:
     """At the head: makes, in a thread, what processes are told that want to join; of each configuration once."""
@@ -29,19 +33,25 @@ class Inviter:
         """`machines`: of every rank of the configuration, as plans are made by."""
         self._machines, self._headless = list(machines), headless
         self._keys = [] if keys is None else list(keys.ranks)
-        self._begun = -1
+        self._begun, self._again = -1, math.inf  # configuration; when its files are to be read again
         self._news: deque[Invitation] = deque()
 
     def look(self, plan: Plan) -> Iterator[Invitation]:
         """What was made since this was asked last; `plan`: what runs."""
-        if plan.number != self._begun:
-            self._begun = plan.number
+        if plan.number != self._begun or time.monotonic() >= self._again:
+            self._begun, self._again = plan.number, math.inf
             threading.Thread(target=self._make, args=(plan,), name="inviter", daemon=True).start()
         while self._news:
             yield self._news.popleft()
 
     def _make(self, plan: Plan) -> None:
         """Reading files takes long where models are large, and they may be others later."""
+        try:
+            self._news.append(self._invitation(plan))
+        except OSError:  # no more files may be opened, or one has gone: until it is back nobody can join
+            self._again = time.monotonic() + RETRY_S
+
+    def _invitation(self, plan: Plan) -> Invitation:
         loaded = plan.layout.loaded
         told = {
             "text": dump(loaded.config),
@@ -55,7 +65,7 @@ class Inviter:
             "keys": self._keys,
             "headless": self._headless,
         }
-        self._news.append(Invitation(plan.number, json.dumps(told)))
+        return Invitation(plan.number, json.dumps(told))
 
 
 class Told:

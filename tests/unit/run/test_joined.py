@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +13,10 @@ from wall.config.loading import load
 from wall.core.errors import ConfigError
 from wall.packets.joining import JoinAnswer
 from wall.roles.instructions import Invitation
-from wall.roles.plan import Plan, make_layout, make_plan, reconstructed_at_renderers
+from wall.roles.plan import Layout, Plan, make_layout, make_plan, reconstructed_at_renderers
+from wall.run import joined
 from wall.run.joined import Inviter, Told, as_given
+from wall.run.same_files import fingerprints
 from wall.transport.curve import KeyPair, Keys
 
 TEXT = """\
@@ -41,6 +44,22 @@ def invitation(plan: Plan, keys: Keys | None = None) -> Invitation:
         time.sleep(0.001)
     assert list(inviter.look(plan)) == [], "of each configuration once"
     return made[0]
+
+
+def test_files_that_cannot_be_read_are_read_again_later(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a process may open no more files; a thread that dies of it would print a traceback."""
+    tried: list[int] = []
+
+    def refuse_twice(layout: Layout) -> dict[str, str]:
+        tried.append(1)
+        if len(tried) < 3:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return fingerprints(layout)
+
+    monkeypatch.setattr(joined, "RETRY_S", 0.0)
+    monkeypatch.setattr(joined, "fingerprints", refuse_twice)
+    assert invitation(plan).told == invitation(plan).told
+    assert len(tried) == 4
 
 
 def answer_of(invited: Invitation, **values: int) -> JoinAnswer:
