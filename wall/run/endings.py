@@ -7,11 +7,13 @@ once, by a process of their own that is not in the group which is killed.
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import os
 import signal
 import time
 from collections.abc import Callable
+from concurrent.futures import thread as executors
 from types import FrameType
 
 REASONS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated", signal.SIGHUP: "its terminal was closed"}
@@ -54,21 +56,30 @@ class WriterApart:
 
     def __init__(self, write: Callable[[], None]) -> None:
         """`write` must use no other thread."""
-        self._write, self._begun, self._pid = write, False, 0
+        self._write, self._begun, self._copied, self._pid = write, False, True, 0
 
     def begin(self) -> None:
         """Begin to write, unless that was done."""
         if self._begun:
             return
-        self._begun = True  # at once: the next signal may come while this process is being copied
+        self._begun, self._copied = True, False  # at once: the next signal may come while this process is being copied
+        if executors._global_shutdown_lock.locked():  # fork waits for it, and this thread may hold it, amid a submit
+            _thread.start_new_thread(self._copy, ())
+        else:
+            self._copy()
+
+    def _copy(self) -> None:
         with contextlib.suppress(OSError):  # without memory for a copy the run still ends in order
             self._pid = os.fork()
             if self._pid == 0:
                 self._write_and_exit()
+        self._copied = True
 
     def wait(self) -> None:
         """Wait until it is done, so that what is written from now on is newer."""
         limit = time.monotonic() + WRITE_S
+        while not self._copied and time.monotonic() < limit:
+            time.sleep(_LOOK_S)
         while self._pid and os.waitpid(self._pid, os.WNOHANG)[0] == 0:
             if time.monotonic() > limit:
                 os.kill(self._pid, signal.SIGKILL)

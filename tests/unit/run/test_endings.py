@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from concurrent.futures import thread as executors
 from pathlib import Path
 
 import pytest
@@ -61,3 +62,12 @@ def test_writer_that_fails_ends_nothing_else(tmp_path: Path) -> None:
     apart = WriterApart((tmp_path / "missing" / "file").touch)
     apart.begin()
     apart.wait()
+
+
+def test_a_signal_amid_a_task_that_is_handed_to_a_thread_writes_once_that_is_done(tmp_path: Path) -> None:
+    """Then this thread holds a lock that a fork waits for."""
+    apart = WriterApart((tmp_path / "file").touch)
+    with executors._global_shutdown_lock:
+        apart.begin()
+    apart.wait()
+    assert (tmp_path / "file").exists()
