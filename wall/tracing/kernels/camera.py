@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from wall.core.jit import inline_kernel
+from wall.core.jit import inline_kernel, lane_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
-from wall.tracing.kernels.values import INF, MISS, ONE, ZERO
+from wall.tracing.kernels.values import EVERY_OBJECT_MASK, INF, MISS, ONE, ZERO
 
 
 @inline_kernel
@@ -17,7 +17,7 @@ def make_rays(camera, xy, first, count, work):
 
     Directions are computed in float64, so that a panel's rays are those of the whole wall, then made unit in float32.
     """
-    p, bits, valid = work.packet, work.bits, work.valid
+    p = work.packet
     frame = camera.frame
     x0, y0 = camera.corner[0], camera.corner[1]
     ax, ay, az = frame[0, 0], frame[0, 1], frame[0, 2]
@@ -33,9 +33,16 @@ def make_rays(camera, xy, first, count, work):
         scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
         set_xyz(p, embree.DIRECTION_X, lane, dx * scale, dy * scale, dz * scale)
         set_xyz(p, embree.ORIGIN_X, lane, ZERO, ZERO, ZERO)
-        p[embree.T_FAR + lane] = INF
+    open_rays(count, True, work)
+
+
+@lane_kernel
+def open_rays(count, primary, work):
+    """Has the first `count` rays of the packet go on for ever, and hit nothing yet; `primary`: those from the eye."""
+    p, bits = work.packet, work.bits
     for lane in range(16):
-        bits[embree.MASK + lane] = bits[rows.PRIMARY_MASK + lane]
+        p[embree.T_FAR + lane] = INF
+        bits[embree.MASK + lane] = bits[rows.PRIMARY_MASK + lane] if primary else EVERY_OBJECT_MASK
         bits[embree.GEOMETRY + lane] = MISS
         bits[embree.INSTANCE + lane] = MISS
-        valid[lane] = -1 if lane < count else 0
+        work.valid[lane] = -1 if lane < count else 0

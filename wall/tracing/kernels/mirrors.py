@@ -12,10 +12,11 @@ from wall.core.jit import inline_kernel, lane_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import mirrored, start_off_surface
+from wall.tracing.kernels.camera import open_rays
 from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.surface import material_of
 from wall.tracing.kernels.texture_filter import widen_footprints
-from wall.tracing.kernels.values import EVERY_OBJECT_MASK, INF, MIRROR_ROOM, MISS, ONE, THIRD, ZERO
+from wall.tracing.kernels.values import INF, MIRROR_ROOM, ONE, THIRD, ZERO
 
 MAX_BOUNCES = 4  # mirror chains are cut here; what is behind the last mirror is dropped
 RAY_ORIGIN, RAY_DIRECTION, RAY_THROUGHPUT, RAY_WIDTH, RAY_SPREAD = (MIRROR_ROOM * row for row in (0, 3, 6, 7, 8))
@@ -85,7 +86,7 @@ def wait(sample, bounce, lane, waiting, texels, work):
 def load_mirrored(mirrors, first, count, texels, work):
     """Fills the packet with `count` rays that wait, from number `first` on; the lanes behind repeat the last one."""
     if mirrors is not None:
-        p, bits, rays = work.packet, work.bits, work.waiting.rays
+        p, rays = work.packet, work.waiting.rays
         for lane in range(16):
             k = first + min(lane, count - 1)
             for axis in range(3):
@@ -95,12 +96,7 @@ def load_mirrored(mirrors, first, count, texels, work):
             if texels is not None:
                 p[rows.CONE_WIDTH + lane] = rays[RAY_WIDTH + k]
                 p[rows.CONE_SPREAD + lane] = rays[RAY_SPREAD + k]
-        for lane in range(16):
-            p[embree.T_FAR + lane] = INF
-            bits[embree.MASK + lane] = EVERY_OBJECT_MASK
-            bits[embree.GEOMETRY + lane] = MISS
-            bits[embree.INSTANCE + lane] = MISS
-            work.valid[lane] = -1 if lane < count else 0
+        open_rays(count, False, work)
 
 
 @inline_kernel

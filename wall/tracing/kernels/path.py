@@ -19,7 +19,7 @@ from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.aiming import add_aimed, add_light
-from wall.tracing.kernels.camera import make_rays
+from wall.tracing.kernels.camera import make_rays, open_rays
 from wall.tracing.kernels.emitters import density_of_emitter, place_emitters
 from wall.tracing.kernels.environment import density_of_environment
 from wall.tracing.kernels.glass import absorb
@@ -39,12 +39,9 @@ from wall.tracing.kernels.surface import (
 from wall.tracing.kernels.terminator import find_raises, raise_towards
 from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
 from wall.tracing.kernels.textures import apply_textures, emission_of
-from wall.tracing.kernels.trace import DARKEST, encode_normals, intersect, write_normal
+from wall.tracing.kernels.trace import DARKEST, drop_bad, encode_normals, intersect, write_normal
 from wall.tracing.kernels.values import (
-    BAD_SAMPLES,
-    EVERY_OBJECT_MASK,
     INF,
-    MISS,
     ONE,
     PRIMARY_RAYS,
     RAY_ROWS,
@@ -164,7 +161,6 @@ def load_rays(first, count, bounce, texels, work, paths):
         r, g, b = xyz(rays, at + 16 * 6, lane)
         set_xyz(p, rows.THROUGHPUT_R, lane, r, g, b)
         p[rows.DENSITY + lane] = rays[at + 16 * 9 + lane]
-        p[embree.T_FAR + lane] = INF
         set_xyz(p, rows.GAINED_R, lane, ZERO, ZERO, ZERO)
     if texels is not None:
         for lane in range(16):
@@ -174,11 +170,7 @@ def load_rays(first, count, bounce, texels, work, paths):
         number = paths.number[paths.sample[first + lane]]
         bits[rows.NUMBER + lane], bits[embree.RAY_ID + lane] = number, number
         bits[rows.KEY + lane] = paths.key[first + lane]
-    for lane in range(16):
-        bits[embree.MASK + lane] = bits[rows.PRIMARY_MASK + lane] if bounce == 0 else EVERY_OBJECT_MASK
-        bits[embree.GEOMETRY + lane] = MISS
-        bits[embree.INSTANCE + lane] = MISS
-        work.valid[lane] = -1 if lane < count else 0
+    open_rays(count, bounce == 0, work)
 
 
 @lane_kernel
@@ -338,22 +330,13 @@ def keep_normal(normals, k, x, y, z):
 @lane_kernel
 def finish_samples(count, samples, work, paths):
     """Writes radiance into the records and closes up those whose radiance is finite. Returns their number."""
-    kept = 0
+    bad = False
     for k in range(count):
         r, g, b = paths.radiance[k, 0], paths.radiance[k, 1], paths.radiance[k, 2]
-        if not abs(r) + abs(g) + abs(b) < INF:
-            work.counts[BAD_SAMPLES] += 1
-            continue
-        sample = samples[kept]
-        if kept != k:
-            other = samples[k]
-            sample["xy"][0], sample["xy"][1] = other["xy"][0], other["xy"][1]
-            sample["depth"], sample["object_id"], sample["change"] = other["depth"], other["object_id"], ZERO
-            sample["sqrt_irradiance"], sample["albedo"] = other["sqrt_irradiance"], other["albedo"]
-            sample["normal"][0], sample["normal"][1] = other["normal"][0], other["normal"][1]
+        bad |= not abs(r) + abs(g) + abs(b) < INF
+        sample = samples[k]
         albedo = sample["sqrt_irradiance"]
         light = (r + g + b) / albedo if albedo > DARKEST else (r + g + b) * THIRD
         sample["radiance"][0], sample["radiance"][1], sample["radiance"][2] = r, g, b
         sample["sqrt_irradiance"] = math.sqrt(max(light, ZERO))
-        kept += 1
-    return kept
+    return drop_bad(samples, count, work) if bad else count

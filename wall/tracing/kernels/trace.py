@@ -93,12 +93,12 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
         if primary:
             divide_out_albedo(work)
             encode_normals(surfaces.relit, surfaces.meshes.eye_from_object, materials.rows, work)
-            reflect(mirrors, texels, materials.rows, work)
+        reflect(mirrors, texels, materials.rows, work)
+        if primary:
             bad |= write_samples(xy, first, count, samples, surfaces.relit, work)
             waiting = begin_mirrors(mirrors, first, count, waiting, texels, work)
             first += count
         else:
-            reflect(mirrors, texels, materials.rows, work)
             waiting, more = add_mirrored(mirrors, waiting, count, samples, texels, work)
             bad |= more
     return drop_bad(samples, n, work) if bad else n
