@@ -75,6 +75,12 @@ def test_a_slow_viewer_that_makes_images_itself_gets_each_pixel_s_newest_sample_
         samples = PanelSamples(panel=0, pixels=pixels, radiance=radiance.reshape(-1, 3)[pixels], tone=AS_IT_IS)
         large.show(replace(wall_image(image), samples=(samples,)), status)
 
+    def changed(version):
+        pixels = np.sort(rng.choice(5000, 400, replace=False))
+        rgb.reshape(-1, 3)[pixels] = version
+        radiance.reshape(-1, 3)[pixels] = srgb_decoded(np.float32(version / 255))
+        shown(version, pixels)
+
     async def next_samples(viewer):
         while (message := await viewer.socket.receive_json())["kind"] != "picture":
             continue
@@ -91,12 +97,10 @@ def test_a_slow_viewer_that_makes_images_itself_gets_each_pixel_s_newest_sample_
         _, light = await next_samples(viewer)
         assert np.array_equal(codes_of_halves(1.0)[light], rgb.ravel())
         for version in range(2, 200):  # not one is drawn: two images are on their way at most
-            pixels = np.sort(rng.choice(5000, 400, replace=False))
-            rgb.reshape(-1, 3)[pixels] = version
-            radiance.reshape(-1, 3)[pixels] = srgb_decoded(np.float32(version / 255))
-            shown(version, pixels)
+            changed(version)
         sent, early = await next_samples(viewer)
         assert len(early) <= 3 * 5000
+        changed(200)  # one that the early message cannot have, however late it was made
         await viewer.drawn(sent)
         _, late = await next_samples(viewer)
         assert len(late) <= 3 * 5000
