@@ -39,8 +39,8 @@ NODES = """    - {id: far, op: samples, panel: r0c1, range: [0, 0.5]SAMPLES}
 """
 REFRESHES, STEPS = 12, 5  # steps of tracing a refresh
 STANDS = 8  # the refresh from which the camera stands
-DECIDED = 0.008  # pixels in which rounding decides which sample is hidden: docs/guide/accuracy.md. Seen: 0.0012
-MEAN_CODES = 0.05  # of all pixels. Seen: 0.012
+DECIDED = 0.008  # pixels in which rounding decides which sample is hidden: docs/guide/accuracy.md. Seen: 0.0005
+MEAN_CODES = 0.01  # of all pixels. Seen: 0.001
 
 
 def nodes(operator: str, *, samples: str = "", layer: str = "") -> str:

@@ -208,7 +208,8 @@ class Config(Model):
     sampling: SamplingConfig = Field(default=DEFAULT, description="which pixels are traced next")
     graph: GraphConfig = Field(default=PresetGraph(), description="how samples become images: sort-first, or nodes")
     reconstruction: ReconstructionWish = Field(
-        default="auto", description="where adaptive samples become images; auto: on the GPU if there is a real one"
+        default="auto",
+        description="where adaptive samples become images; auto: at their renderer, else on a real GPU if there is one",
     )
     barrier: Flag = Field(
         default=False,

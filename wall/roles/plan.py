@@ -28,7 +28,6 @@ from wall.geometry.prediction import Predictor
 from wall.geometry.strips import Strips
 from wall.geometry.viewports import with_views
 from wall.operators.base import Operator
-from wall.reconstruction.gpu.device import gpu_nodes
 from wall.roles.node_settings import all_parameters
 from wall.roles.tone import tone_at
 from wall.scene.build import Scene, integrated
@@ -321,8 +320,7 @@ def why_not_at_renderer(layout: Layout, layer: Layer) -> str:
         return f"{threads} threads render it"
     if beyond := layout.graph.beyond_bytes(layer):
         return f"the graph needs {' and '.join(beyond)}"
-    wish, scanned = layout.config.reconstruction_of(layer.view), layout.wall.traced[layer.traced].scan is not None
-    if not scanned and (wish == "gpu" or (wish == "auto" and gpu_nodes())):
+    if layout.config.reconstruction_of(layer.view) == "gpu":
         return "the compositor's GPU reconstructs"
     if layout.config.output.browser.samples:
         return "the page gets samples"

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
+import moderngl
 import numpy as np
 import pytest
 from adaptive_images import GREEN, PLATE, RED, START, centres, event_at, glowing, hits
@@ -25,6 +29,13 @@ from wall.tracing.tracer_scene import make_tracer_scene
 SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(97, 65))
 EVERYTHING: Channels = frozenset({"colour", "depth", "alpha", "time", "object_id"})
 DEPTH_ROUNDING = 1e-5  # share of it: a dot product of float32 numbers, few of which cancel. Seen: 2.4e-7
+PASS = "a pass"
+CALLS = (
+    (moderngl.ComputeShader, "run", PASS), (moderngl.Context, "finish", "a wait"),
+    *((moderngl.Context, name, name) for name in ("buffer", "clear", "copy_buffer", "copy_framebuffer")),
+    *((moderngl.Buffer, name, name) for name in ("write", "read", "read_into", "clear", "orphan")),
+    *((moderngl.Texture, name, name) for name in ("write", "read", "read_into")),
+)  # fmt: skip
 
 
 def plates(*places: Triple, cuts: tuple[Cut, ...] = ()) -> Scene:
@@ -328,3 +339,37 @@ def test_only_channels_that_are_asked_for_travel(opengl: Device, monkeypatch: py
     layers.insert(hits(centres((97, 65)), RED), START, event)
     layers.refresh(event, START)
     assert_allclose(layers.shown.colour, np.broadcast_to(RED, (65, 97, 3)), rtol=0, atol=ROUNDING)
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What OpenGL is asked for from now on."""
+    made: list[str] = []
+
+    def noted(call: Callable[..., Any], name: str) -> Callable[..., Any]:
+        def wrapper(*args: Any, **named: Any) -> Any:
+            made.append(name)
+            return call(*args, **named)
+
+        return wrapper
+
+    for kind, method, name in CALLS:
+        monkeypatch.setattr(kind, method, noted(getattr(kind, method), name))
+    return made
+
+
+def test_a_pass_and_what_is_none_never_follow_each_other_without_a_wait(
+    opengl: Device, random_numbers: np.random.Generator, compiled_only: None, calls: list[str]
+) -> None:
+    """A driver did not keep the order. Layers move, rest and move on, with more samples than are kept."""
+    layers = Layers(plates((-0.6, 0.0, 2.0), (0.6, 0.0, 2.0)), kept=1.0)
+    for k in range(14):
+        number = k if k < 5 else max(5, k - 3)
+        event = event_at(number, layers.seen, scene_time=0.1 * number, position=(0.02 * number, 0.0, 4.0))
+        layers.refresh(event, START + (k + 1) / 60)
+        layers.insert(layers.trace(random_numbers, 3000, event), START + k / 60, event)
+        layers.made[1].image.stored()
+        layers.made[1].image.accumulated_counts()
+    pairs = set(pairwise(calls))
+    assert len(pairs) > 5
+    assert not [pair for pair in pairs if "a wait" not in pair and (pair[0] == PASS) != (pair[1] == PASS)]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from adaptive_images import FRONT, GREEN, SIZE, START, centres, event_at, hits, plate_before_wall
+from adaptive_images import FRONT, GREEN, RED, SIZE, START, centres, event_at, hits, plate_before_wall
 from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose
 from small_scenes import view
@@ -202,19 +202,35 @@ def test_a_part_of_a_panel_is_the_same(opengl: Device, rect: Rect) -> None:
 def test_the_same_moments_later_on_the_clock_give_the_same_image(opengl: Device) -> None:
     """A machine that has been up for months, and a clock that starts anew while samples and rejections are about."""
     images: list[Float32] = []
-    seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))
-    scene = plate_before_wall((9.0, 0.0, 2.0))
     for start in (0.0, 511.96875, 2.0**24):
-        reconstruction = GpuReconstruction(seen.panel, seen.eye, scene)
+        twins = Twins(plate_before_wall((9.0, 0.0, 2.0)), view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8)))
         for k in range(4):
             samples = hits(centres((16, 8)), (0.0, 0.1 * k, 0.0))
             samples["change"][::3] = 0.7
-            reconstruction.refresh(event_at(k, seen), start + k / 64)
-            reconstruction.insert(samples, start + k / 64, event_at(k, seen))
-        reconstruction.refresh(event_at(4, seen), start + 4 / 64)
-        images.append(reconstruction.radiance.copy())
+            twins.refresh(event_at(k, twins.seen), start + k / 64)
+            twins.insert(samples, start + k / 64, event_at(k, twins.seen))
+        twins.refresh(event_at(4, twins.seen), start + 4 / 64)
+        twins.agree()
+        images.append(twins.gpu.radiance.copy())
     for later in images[1:]:
         assert_allclose(later, images[0], rtol=ANY_ORDER, atol=0)
+
+
+def test_a_contradiction_counts_at_every_refresh(opengl: Device, compiled_only: None) -> None:
+    """Ever the same samples contradict the image, none more than one before: older ones lose confidence each time."""
+    twins = Twins(plate_before_wall((9.0, 0.0, 2.0)), view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8)))
+    twins.insert(hits(centres((16, 8)), GREEN), START, event_at(0, twins.seen))
+    for k in range(5):
+        at = START + (k + 1) / 64
+        contradicting = hits([(8.5, 4.5)], RED)
+        contradicting["change"] = 0.4
+        twins.refresh(event_at(k, twins.seen, position=(0.001 * k, 0.0, 4.0)), at)
+        twins.insert(contradicting, at, event_at(k, twins.seen, position=(0.001 * k, 0.0, 4.0)))
+        stored = [image.stored() for image in (twins.cpu, twins.gpu)]
+        confidences = [np.sort(samples.confidence[: samples.in_use]) for samples in stored]
+        twins.agree()
+    assert_allclose(*confidences, atol=1e-6)
+    assert confidences[1].min() == pytest.approx(0.6**4, rel=1e-5)
 
 
 def test_the_eye_amid_samples_gives_finite_pixels(opengl: Device) -> None:

@@ -13,11 +13,12 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.core.colour import CURVE_STEPS
 from wall.core.errors import RunError
 from wall.deepbuffer.kernels.accumulation import AROUND, BITS, MEAN_ALONE
-from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, REACH, TRUSTED
+from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, REACH, SHARE_AT, TRUSTED
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
 from wall.deepbuffer.kernels.cuts import NEAR
 from wall.deepbuffer.kernels.doubt import KEPT, LEAST
@@ -27,6 +28,7 @@ from wall.deepbuffer.kernels.reproject import FAR, NEAREST, OUTSIDE
 from wall.reconstruction.kernels import visibility
 from wall.reconstruction.reconstruction import SLOW_DECAY
 
+WORD_BYTES = 4
 GROUP = 256  # invocations of a group
 ROW = 32768  # groups in a row; OpenGL promises 65,535
 MOVED, CHANGED = 12, 13  # words of an object after panel_from_object: it moved; it moved or its light changed
@@ -43,7 +45,7 @@ _COMPUTE = (
     "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "gaps", "bound_depths", "ages", "cutoff",
     "weigh", "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
     "doubt", "cut_away", "splat", "collect", "accumulate", "unload", "surfaces", "newest_times",
-    "channels",
+    "channels", "blank",
 )  # fmt: skip
 _INTERPOLATING = ("expand", "resolve")  # read the coarser level
 _ADDING = ("splat", "accumulate")  # to sums of pixels
@@ -65,7 +67,7 @@ _CONSTANTS: dict[str, int | np.float32] = {
 }  # fmt: skip
 _WORDS = {
     "NOWHERE": "0xffffffffu", "INFINITY_BITS": "0x7f800000u", "SUMS": "0", "CHANNELS": "4u",
-    "OBJECT_BITS": f"{BITS}u",
+    "OBJECT_BITS": f"{BITS}u", "SHARES": f"float[]({', '.join(map(repr, SHARE_AT.ravel().tolist()))})",
 }  # fmt: skip
 
 
@@ -89,6 +91,7 @@ class Device:
         self.largest_texture = int(context.info["GL_MAX_TEXTURE_SIZE"])
         adds = float_atomics and _FLOAT_ATOMICS in context.extensions
         self._compute = {name: context.compute_shader(_source(name, float_atomics=adds)) for name in _COMPUTE}
+        self._passes = False  # what was asked for last is a pass
 
     @property
     def real(self) -> bool:
@@ -99,6 +102,7 @@ class Device:
         self, name: str, count: int, buffers: tuple[Any, ...], *, groups: int | None = None, **uniforms: Any
     ) -> None:
         """Run a pass over `count` items with `buffers` bound in turn; what follows sees what it wrote."""
+        self._turn_to(passes=True)
         shader = self._compute[name]
         for binding, buffer in enumerate(buffers):
             buffer.bind_to_storage_buffer(binding)
@@ -106,6 +110,39 @@ class Device:
         groups = -(-count // GROUP) if groups is None else groups
         shader.run(min(groups, ROW), -(-groups // ROW))
         self.context.memory_barrier()
+
+    def buffer(self, values: NDArray[Any]) -> Any:
+        """A buffer of these values."""
+        self._turn_to(passes=False)
+        return self.context.buffer(np.ascontiguousarray(values))
+
+    def reserve(self, words: int) -> Any:
+        """A buffer of 4-byte words, of any values. Raises GpuError where memory ends."""
+        self._turn_to(passes=False)
+        try:
+            return self.context.buffer(reserve=max(words, 1) * WORD_BYTES)
+        except Exception as error:  # moderngl raises nothing narrower
+            problem = f"{words * WORD_BYTES} bytes on {self.renderer}: {error}"
+            raise GpuError(problem, wanted="smaller panels, fewer samples_per_pixel") from error
+
+    def write(self, target: Any, values: NDArray[Any], **place: int) -> None:
+        """Write to a buffer, from byte `offset` on, or to a texture."""
+        self._turn_to(passes=False)
+        target.write(np.ascontiguousarray(values), **place)
+
+    def read(self, texture: Any, out: NDArray[Any]) -> None:
+        """Fill `out`, contiguous, with a texture's values."""
+        self._turn_to(passes=False)
+        texture.read_into(out, alignment=1)
+
+    def _turn_to(self, *, passes: bool) -> None:
+        """Wait where a pass follows what is none, or the other way round, until all that was asked for is done.
+
+        OpenGL promises that order, but an NVIDIA H100 (driver 580.159, EGL) did not keep it: see decision 73.
+        """
+        if passes != self._passes:
+            self.context.finish()
+            self._passes = passes
 
     def check(self) -> None:
         """Raise GpuError if anything has gone wrong since the last time."""

@@ -14,9 +14,9 @@ from wall.deepbuffer.kernels.accumulation import BITS, object_bits
 from wall.deepbuffer.kernels.change import TRUSTED
 from wall.deepbuffer.kernels.columns import COUNT, OBJECTS
 from wall.deepbuffer.store import PixelHistory
-from wall.reconstruction.gpu.device import GROUP, OBJECT_WORDS, Device, GpuError
+from wall.reconstruction.gpu.device import GROUP, OBJECT_WORDS, WORD_BYTES, Device, GpuError
 from wall.reconstruction.gpu.readback import Readback
-from wall.reconstruction.gpu.store import WORD_BYTES, GpuStore, reserve
+from wall.reconstruction.gpu.store import GpuStore
 from wall.reconstruction.kernels.visibility import Behind
 from wall.reconstruction.pyramid import pyramid_sizes
 
@@ -37,23 +37,21 @@ class Passes:
                 wanted="smaller panels",
             )
         self._device, self._area, self._size = device, width * height, (width, height)
-        self._objects = reserve(device, OBJECT_WORDS * objects)
-        self._pixels = reserve(device, 2 * self._area)  # least depth, its sample
-        self._rejection = reserve(device, 4 * self._area)  # share, ordinal, time, object
-        self._nearest = reserve(device, 4 * self._area)
-        self._accumulated_objects = reserve(device, 2 * self._area)  # of means, of new samples
-        self._accumulated_objects.clear()
-        self._bounds = reserve(device, 3 * self._area)
-        self._resolved, self._shown = reserve(device, 3 * self._area), reserve(device, 3 * self._area)
-        self._curve = device.context.buffer(srgb_curve().astype(np.uint32))
-        self._codes = reserve(device, 3 * -(-self._area // PIXELS_A_DISPLAY_ITEM))
+        self._objects = device.reserve(OBJECT_WORDS * objects)
+        self._pixels = device.reserve(2 * self._area)  # least depth, its sample
+        self._rejection = device.reserve(4 * self._area)  # share, ordinal, time, object
+        self._nearest = device.reserve(4 * self._area)
+        self._accumulated_objects = device.buffer(np.zeros(2 * self._area, np.uint32))  # of means, of new samples
+        self._bounds = device.reserve(3 * self._area)
+        self._resolved, self._shown = device.reserve(3 * self._area), device.reserve(3 * self._area)
+        self._curve = device.buffer(srgb_curve().astype(np.uint32))
+        self._codes = device.reserve(3 * -(-self._area // PIXELS_A_DISPLAY_ITEM))
         self._readback = Readback(device)
-        self._surfaces, self._channels, self._times = (reserve(device, 1) for _ in range(3))  # once they are asked for
-        self._changes = reserve(device, 1)
-        self._sums = reserve(device, CHANNELS * (width + 2) * (height + 2))  # zero but for while samples are added
-        self._sums.clear()
+        self._surfaces, self._channels, self._times = (device.reserve(1) for _ in range(3))  # once they are asked for
+        self._changes = device.reserve(1)
+        sums = np.zeros(CHANNELS * (width + 2) * (height + 2), np.float32)
+        self._sums = device.buffer(sums)  # zero but for while samples are added
         self._splat_sums, self._accumulation = self._texture(width + 2, height + 2), self._texture(width, height)
-        self._accumulation_target = device.context.framebuffer([self._accumulation])
         self._levels = [self._texture(columns, rows) for rows, columns in pyramid_sizes(height, width)]
         self.clear_accumulation()
         self._collect()
@@ -73,8 +71,8 @@ class Passes:
     def reject(self, store: GpuStore, first: int, change: Float32, ordinal: int) -> None:
         """Mark what new samples contradict: `change` (n,) of those from slot `first` on."""
         if self._changes.size < change.nbytes:
-            self._changes = reserve(self._device, len(change))
-        self._changes.write(np.ascontiguousarray(change))
+            self._changes = self._device.reserve(len(change))
+        self._device.write(self._changes, change)
         names = ("screen_position", "state", "object_id")
         buffers = (self._changes, *(store.arrays[name] for name in names), self._rejection)
         for stage in range(3):
@@ -105,7 +103,7 @@ class Passes:
         changed : (n + 1,), objects that moved or whose light changed; contradicted : whether any sample is
         now, young : seconds of the store's clock, see kernels.visibility, as `behind`; kept : samples that may stay
         """
-        self._objects.write(np.column_stack([table, moved, changed]).astype(np.float32))
+        self._device.write(self._objects, np.column_stack([table, moved, changed]).astype(np.float32))
         evicts, flag = store.count > kept, int(contradicted)
         if store.count:
             self._reproject(store, contradicted=flag, size=self._size)
@@ -134,7 +132,7 @@ class Passes:
 
     def _place_again(self, store: GpuStore, table: Float32) -> None:
         """Find the least depths and their samples anew, while nothing has moved; `table` see run."""
-        self._objects.write(np.column_stack([table, np.zeros((len(table), 2))]).astype(np.float32))
+        self._device.write(self._objects, np.column_stack([table, np.zeros((len(table), 2))]).astype(np.float32))
         if store.count:
             self._reproject(store, contradicted=0, size=self._size)
 
@@ -234,7 +232,7 @@ class Passes:
 
     def _of_size(self, buffer: Any, size: int) -> Any:
         """The buffer, or a new one if it has fewer bytes. Raises GpuError where memory ends."""
-        return buffer if buffer.size >= size else reserve(self._device, -(-size // WORD_BYTES))
+        return buffer if buffer.size >= size else self._device.reserve(-(-size // WORD_BYTES))
 
     def read_history(self, history: PixelHistory) -> None:
         """What pixels accumulated, means and counts, and whose samples these hold, written."""
@@ -253,16 +251,18 @@ class Passes:
 
     def write_history(self, history: PixelHistory) -> None:
         """Take over what pixels accumulated, see read_history."""
-        self._accumulation.write(np.ascontiguousarray(history.accumulation[..., :CHANNELS]))
-        self._accumulated_objects.write(history.accumulation[..., OBJECTS].astype(np.uint32))
+        self._device.write(self._accumulation, history.accumulation[..., :CHANNELS])
+        self._device.write(self._accumulated_objects, history.accumulation[..., OBJECTS].astype(np.uint32))
 
     def clear_accumulation(self) -> None:
         """Forget what pixels have accumulated."""
-        self._accumulation_target.clear()
+        self._accumulation.bind_to_image(0, read=False, write=True)
+        self._device.compute("blank", self._area, ())
 
     def _read_means(self) -> Float32:
         width, height = self._size
-        means: Float32 = np.frombuffer(self._accumulation.read(), np.float32).reshape(height, width, CHANNELS)
+        means = np.zeros((height, width, CHANNELS), np.float32)
+        self._device.read(self._accumulation, means)
         return means
 
     def _texture(self, width: int, height: int) -> Any:

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.reconstruction.gpu.device import Device
-from wall.reconstruction.gpu.store import WORD_BYTES
+from wall.reconstruction.gpu.device import WORD_BYTES, Device
 
 COLUMNS = 2048  # words in a row of a texture
 
@@ -32,10 +31,10 @@ class Readback:
         self._device.compute("unload", words, (source,), first=first)
         columns, rows = texture.size
         if columns * rows * WORD_BYTES == out.nbytes and out.flags.c_contiguous:
-            texture.read_into(out, alignment=1)
+            self._device.read(texture, out)
             return
         values = np.empty(columns * rows, np.uint32)
-        texture.read_into(values, alignment=1)
+        self._device.read(texture, values)
         out[...] = values.view(np.uint8)[: out.nbytes].view(out.dtype).reshape(out.shape)
 
     def _texture(self, words: int) -> Any:

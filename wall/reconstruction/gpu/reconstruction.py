@@ -74,6 +74,7 @@ class GpuReconstruction:
         self._largest = min(STAGED, self._store.capacity // 2)  # samples inserted at once
         self._staged_store, self._staged = SampleStore.of(self._largest, lit=self.poses.lit), 0
         self._change = np.zeros(self._largest, np.float32)  # of the staged samples
+        self._contradicted = False  # by any sample that has travelled since the last refresh
         self._accumulates = False  # their pixels accumulate them, see InsertRules.shows_event
         self._ordinal = 0  # new samples that have travelled since the last refresh
         self._packing = SortSchedule(self._store.capacity)
@@ -137,7 +138,7 @@ class GpuReconstruction:
             first = self._staged
             self._staged = insert(
                 part, self._seconds(base_time), pose, under.panel_from_object, None, self._staged_store, first,
-                self._history, diffuse, rules,
+                self._history, diffuse, rules._replace(ignores_change=True),  # what is contradicted is the GPU's
             )  # fmt: skip
             if self.poses.is_ahead(event):
                 self._staged_store.confidence[first : self._staged] = FRESH
@@ -276,14 +277,13 @@ class GpuReconstruction:
             self._passes.find_nearest(self._store, pose.panel_from_object)
         self._passes.run(
             self._store, pose.panel_from_object, moved, moved | relit,
-            contradicted=not self.nothing_moves and bool(history.contradicted.any()),
+            contradicted=not self.nothing_moves and self._contradicted,
             now=self._seconds(now), young=np.float32(YOUNG_S), kept=self._kept,
             behind=behind(pose.pixel),
         )  # fmt: skip
         self._read = False
         if not self.nothing_moves:
-            history.contradicted[:] = False
-            self._ordinal = 0
+            self._contradicted, self._ordinal = False, 0
         if due := self._packing.is_due(self._store.count):
             self._store.pack()
         self._packing.end_refresh(self._store.count, tidied=due)
@@ -306,10 +306,11 @@ class GpuReconstruction:
         first = self._store.count
         self._store.append(self._staged_store, n)
         if moving:
-            if self._accumulates:
-                self._passes.accumulate(self._store, first, n)
             if self._change[:n].any():
                 self._passes.reject(self._store, first, self._change[:n], self._ordinal)
+                self._contradicted = True
+            if self._accumulates:
+                self._passes.accumulate(self._store, first, n)
             self._ordinal += n
 
     def _evict(self, n: int) -> None:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32
 from wall.deepbuffer.kernels.evict import AGES
 from wall.deepbuffer.store import SampleStore
-from wall.reconstruction.gpu.device import GROUP, TIME, Device, GpuError
+from wall.reconstruction.gpu.device import GROUP, TIME, WORD_BYTES, Device, GpuError
+from wall.reconstruction.gpu.readback import Readback
 
-WORD_BYTES = 4
 WORDS = {"position": 3, "radiance": 3, "screen_position": 3, "state": 2, "object_id": 1}  # of a sample in each array
 LIT_WORDS = {"surface": 2, "albedo": 3}  # beside, where samples are lit anew
 
@@ -33,11 +31,12 @@ class GpuStore:
                 f"{capacity} samples take {largest} bytes in one buffer, {device.renderer} has {device.largest_buffer}",
                 wanted="smaller panels, fewer samples_per_pixel",
             )
-        self.arrays = {name: reserve(device, words * capacity) for name, words in self._words.items()}
-        self._spare = {words: reserve(device, words * capacity) for words in set(WORDS.values())}
-        self.weight = reserve(device, capacity)  # of each sample in the image; while packing, its rank in its group
-        self._groups = reserve(device, -(-capacity // GROUP) + 1)
-        self.ages = device.context.buffer(np.zeros(AGES + 1, np.uint32))
+        self.arrays = {name: device.reserve(words * capacity) for name, words in self._words.items()}
+        self._spare = {words: device.reserve(words * capacity) for words in set(WORDS.values())}
+        self.weight = device.reserve(capacity)  # of each sample in the image; while packing, its rank in its group
+        self._groups = device.reserve(-(-capacity // GROUP) + 1)
+        self.ages = device.buffer(np.zeros(AGES + 1, np.uint32))
+        self._readback = Readback(device)
 
     def append(self, staged: SampleStore, n: int) -> None:
         """Copy the first `n` samples of a store on the CPU behind the others."""
@@ -49,7 +48,7 @@ class GpuStore:
             "albedo": staged.albedo[:, :n].T,
         }  # fmt: skip
         for name, words in self._words.items():
-            self.arrays[name].write(np.ascontiguousarray(parts[name]), offset=words * WORD_BYTES * self.count)
+            self.device.write(self.arrays[name], parts[name], offset=words * WORD_BYTES * self.count)
         self.count += n
 
     def pack(self) -> None:
@@ -64,21 +63,22 @@ class GpuStore:
             to = self._spare[words]
             run("pack", self.count, (self.weight, self._groups, self.arrays[name], to), words=words)
             self.arrays[name], self._spare[words] = to, self.arrays[name]
-        self.count = int(np.frombuffer(self._groups.read(WORD_BYTES, offset=WORD_BYTES * groups), np.uint32)[0])
+        total = np.zeros(1, np.uint32)
+        self._readback.read(self._groups, total, first=groups)
+        self.count = int(total[0])
 
     def read(self, name: str) -> Float32:
         """(words, count) float32: an array of floats."""
-        words = WORDS[name]
-        if self.count == 0:
-            return np.zeros((words, 0), np.float32)
-        values = np.frombuffer(self.arrays[name].read(words * WORD_BYTES * self.count), np.float32)
-        return np.array(values.reshape(-1, words).T, order="C")
+        some = min(1 << self.count.bit_length(), self.capacity)  # few different sizes: each keeps a texture
+        values = np.zeros((some, WORDS[name]), np.float32)
+        self._readback.read(self.arrays[name], values)
+        return np.array(values[: self.count].T, order="C")
 
     def doubt(self, doubted: NDArray[np.uint8], *, unlit: bool) -> None:
         """Take confidence from the samples of doubted objects, (n + 1,); see deepbuffer.kernels.doubt."""
         if self.count == 0:
             return
-        objects = self.device.context.buffer(doubted.astype(np.float32))
+        objects = self.device.buffer(doubted.astype(np.float32))
         albedo = self.arrays["albedo"] if unlit else self.arrays["state"]
         buffers = (self.arrays["state"], self.arrays["object_id"], objects, albedo)
         self.device.compute("doubt", self.count, buffers, unlit=int(unlit))
@@ -89,7 +89,7 @@ class GpuStore:
             return
         buffers = (
             *(self.arrays[name] for name in ("position", "object_id", "state")),
-            self.device.context.buffer(planes),
+            self.device.buffer(planes),
         )
         self.device.compute("cut_away", self.count, buffers, planes_per_object=planes.shape[1])
 
@@ -110,11 +110,3 @@ class GpuStore:
         if self.count:
             self.device.compute("shift", self.count, (self.arrays["state"],), stride=2, offset=TIME, later=later)
 
-
-def reserve(device: Device, words: int) -> Any:
-    """A buffer of 4-byte words. Raises GpuError where memory ends."""
-    try:
-        return device.context.buffer(reserve=max(words, 1) * WORD_BYTES)
-    except Exception as error:  # moderngl raises nothing narrower
-        problem = f"{words * WORD_BYTES} bytes on {device.renderer}: {error}"
-        raise GpuError(problem, wanted="smaller panels, fewer samples_per_pixel") from error

@@ -9,6 +9,7 @@ uniform uint first;  // slot of the first new sample
 uniform uint ordinal;  // new samples before it since the last refresh
 uniform int stage;
 uniform ivec2 size;
+const float SHARE_AT[] = SHARES;  // row by row, those within REACH: no division, whose last bit is not sure
 
 void mark(uint p, float share, uint n) {
     uint area = uint(size.x * size.y), bits = floatBitsToUint(share);
@@ -31,8 +32,8 @@ void main() {
     ivec2 at = ivec2(screen[3 * k + X], screen[3 * k + Y]);
     for (int y = max(at.y - REACH, 0); y < min(at.y + REACH + 1, size.y); y++) {
         for (int x = max(at.x - REACH, 0); x < min(at.x + REACH + 1, size.x); x++) {
-            ivec2 d = ivec2(x, y) - at;
-            mark(uint(y * size.x + x), change[n] / (1.0 + 0.5 * float(d.x * d.x + d.y * d.y)), n);
+            ivec2 d = ivec2(x, y) - at + REACH;
+            mark(uint(y * size.x + x), change[n] * SHARE_AT[(2 * REACH + 1) * d.y + d.x], n);
         }
     }
 }
