@@ -39,7 +39,7 @@ BY_TILE_EVERY = 4  # sorts: then by tile first; neighbours stay neighbours for l
 CLOCK_ORIGIN_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
 CELLS = (9, 16)  # parts of an image of which it is told whether samples show there
-LOOKED_AT = 16  # samples on average of each
+LOOKED_AT, SHOWS = 32, 1 / 16  # samples on average of each; share of that average with which a part shows something
 ALL_TIMES = np.float32(-np.inf)
 OTHER_MOMENTS = MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
 
@@ -118,7 +118,8 @@ class DeepBuffer:
     def covers(self, camera: Camera) -> float:
         """The share of the image that its samples would show to another camera, told by some of them.
 
-        A part counts that has a quarter of the samples that it would have if they were spread evenly.
+        A part counts that has a sixteenth of the samples that it would have if they were spread evenly: plain surfaces
+        get few.
         """
         if not self.count:
             return 0.0
@@ -126,7 +127,7 @@ class DeepBuffer:
         step = max(1, self.count // (LOOKED_AT * cells.size))
         table, size = self.poses.seen_by(camera), (np.float32(rect.width), np.float32(rect.height))
         looked_at = count_by_cell(self.store, self.count, step, table, *size, cells)
-        return float((cells >= max(1.0, 0.25 * looked_at / cells.size)).mean())
+        return float((cells >= max(1.0, SHOWS * looked_at / cells.size)).mean())
 
     def forget(self, samples: Samples, base_time: float) -> None:
         """Reject the samples of one insert, whose packet was lost, and what their pixels have accumulated.

@@ -88,23 +88,30 @@ class Predictor:
         if self._wall(event) != self._wall(last):
             self._add(event)
 
-    def at(self, now: float, later: float = 0.0) -> Event:
+    def at(self, now: float, later: float = 0.0, *, next_in: float | None = None) -> Event:
         """The event expected `later` seconds after a refresh at `now` (of the head's clock) could become light.
 
         It is the newest event itself, the same object, where nothing is expected to move; else it has a number of its
         own, below any real one's. Raises ValueError before the first event was taken.
+
+        next_in : seconds; not None: the same for the refresh after so long, which rays of now are for. What is
+            foreseen for rays is not judged, and reaches farther: wherever from, they are of the scene as it is
         """
         event = self._event
         if event is None:
             raise ValueError("nothing to predict from: no event was taken yet")
-        moment = now + later + self._delay
+        wait = next_in or 0.0
+        moment, longest = now + wait + later + self._delay, LONGEST_S + wait
         if not self._on or not math.isfinite(moment):
             return event
-        camera, twist = self._camera(now, moment)
-        ahead = min(max(moment - event.input_time, 0.0), LONGEST_S) if self._scene_runs else 0.0
+        camera, twist = self._camera(now, moment, longest, judged=next_in is None)
+        ahead = min(max(moment - event.input_time, 0.0), longest) if self._scene_runs else 0.0
         if camera == event.camera and ahead == 0.0:
             return event
         scene_time, last = event.scene_time + ahead, self._predicted
+        if next_in is not None:
+            rays = replace(event, camera=camera, scene_time=scene_time)
+            return self._going_from(rays, twist, ahead) if self._moving else rays
         known = last is not None and (last.edits, last.tone) == (event.edits, event.tone)
         if last is None or not known or (last.camera, last.scene_time) != (camera, scene_time):
             self._count += 1
@@ -144,7 +151,7 @@ class Predictor:
         else:
             inputs[-1] = Input(event.input_time, self._wall(event))
 
-    def _camera(self, now: float, moment: float) -> tuple[Camera, Float64]:
+    def _camera(self, now: float, moment: float, longest: float, *, judged: bool) -> tuple[Camera, Float64]:
         """The camera at `moment`, the very one of the newest event where it rests, and its twist (6,) a second."""
         assert self._event is not None
         self._look_back(now)
@@ -152,9 +159,9 @@ class Predictor:
         if not speed.any():
             return self._event.camera, speed
         newest = self._inputs[-1]
-        ahead = min(max(moment - newest.time, 0.0), LONGEST_S)
+        ahead = min(max(moment - newest.time, 0.0), longest)
         twist = speed * ahead
-        if not self._foresights or moment >= self._foresights[-1].moment + JUDGED_S:
+        if judged and (not self._foresights or moment >= self._foresights[-1].moment + JUDGED_S):
             self._foresights.append(Foresight(moment, newest.camera, twist))
         trusted = twist * self._trust(twist)
         camera = moved(newest.camera, trusted).tracked(self._event.camera.eye, self._scale)

@@ -99,7 +99,7 @@ class AdaptiveRenderer:
         rescaled = not self._sweeps and self.sampler.rescaled
         if self._event is None or image.refreshes != self._refreshes or rescaled:
             self._refreshes = image.refreshes
-            self._expected = shown.expected or newest
+            self._expected = shown.view.at_next_refresh(now) if shown.expected is not None else newest
             self._event = foreseen(newest, self._expected)
             if not self._sweeps:
                 self._replan(now)

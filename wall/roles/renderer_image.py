@@ -64,11 +64,12 @@ class OwnImage:
                 self._refine_after_jump(event)
 
     def _refine_after_jump(self, event: Event) -> None:
-        """Begin anew, coarsely, where the samples that are stored show little of what is seen now."""
+        """Begin anew, coarsely, where the samples that are stored show little of what is seen now, and next."""
         layer, refinement = self._layer, self.refinement
         if not self._refines or not layer.reprojects or self.expected is None:
             return
-        if layer.reprojected.covers(event) < KNOWN:
+        covers = layer.reprojected.covers
+        if covers(event) < KNOWN and covers(self.view.at_next_refresh(self._clock.now())) < KNOWN:
             if not refinement.first:
                 self._swept_by = self._clock.now() + LONGEST_SWEEP_S
             self.reconstruction.gathers = True

@@ -62,7 +62,14 @@ class FollowedView:
         self.due = max((now if self._hastened else self.due) + self.period, now)
         self.soonest = now + EARLY_APART_S if self._hastened else max(self.soonest, now)
         self._began, self._hastened = now, False
-        return self._predictor.at(now, self._making + 0.5 * max(self._interval, self.period))
+        return self._expected(now)
+
+    def at_next_refresh(self, now: float) -> Event:
+        """The event that is expected when the next refresh is seen: what is traced by `now` is shown first then."""
+        return self._expected(now, next_in=max(self.due - now, 0.0))
+
+    def _expected(self, now: float, next_in: float | None = None) -> Event:
+        return self._predictor.at(now, self._making + 0.5 * max(self._interval, self.period), next_in=next_in)
 
     @property
     def lateness(self) -> float:

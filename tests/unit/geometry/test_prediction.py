@@ -78,6 +78,26 @@ def test_steady_orbit_comes_true_for_images_that_are_seen_later(later: float) ->
     assert_allclose(found.rotation(), wanted.rotation(), atol=1e-9)
 
 
+def test_rays_are_foreseen_for_the_refresh_after_this_one_and_images_do_not_notice() -> None:
+    """Farther ahead than images are; on a path that trembles, where trust is learnt, it stays what it would have been.
+    Where nothing moves rays are for the newest event itself."""
+    for path in (lambda t: 1.2 * t, lambda t: 1.2 * t + 0.002 * math.sin(90.0 * t)):
+        images, rays = Predictor(LONGEST_S - 0.01), Predictor(LONGEST_S - 0.01)
+        for number, time in enumerate(ticks(0.5)):
+            for predictor in (images, rays):
+                predictor.take(event(number, time, orbiting(path(time)), scene_event=number, scene_time=time))
+            for_rays, seen, alone = rays.at(time, next_in=REFRESH_S), rays.at(time), images.at(time)
+            assert seen == alone
+        assert for_rays.number == (number, number), "that of the newest event"
+        assert for_rays.scene_time == pytest.approx(time + LONGEST_S - 0.01 + REFRESH_S)
+        steady = orbiting(1.2 * (time + LONGEST_S - 0.01 + REFRESH_S))
+        assert angle_between(for_rays.camera, steady) < 0.02
+    assert angle_between(seen.camera, for_rays.camera) > 0.01
+    still = event(number + 1, time + 1.0, orbiting(path(time)), scene_event=number, scene_time=time)
+    rays.take(still)
+    assert rays.at(time + 1.5, next_in=REFRESH_S) is still
+
+
 @pytest.mark.parametrize("delay", [REFRESH_S, 2 * REFRESH_S])
 @pytest.mark.parametrize("acceleration", [5.0, 20.0, 40.0])  # radians / s^2; a flick reaches 5 rad/s in an eighth
 def test_growing_speed_is_off_by_just_the_bound(acceleration: float, delay: float) -> None:

@@ -11,9 +11,11 @@ import pytest
 from wall.config.loading import loads
 from wall.config.sampling import AdaptiveSampling
 from wall.core.clock import ManualClock
-from wall.core.data import SAMPLE, Event
+from wall.core.data import SAMPLE, Camera, Event
 from wall.roles.adaptive_renderer import AdaptiveRenderer
 from wall.roles.plan import Plan, first_event, make_layout, make_plan
+from wall.run.single_process import SingleProcess
+from wall.tracing.tracer_scene import make_tracer_scene
 
 TEXT = """\
 version: 1
@@ -68,6 +70,30 @@ def test_rays_are_traced_where_the_path_will_be_and_keep_their_events_number(
     assert targets.event.number == moving(plan, 11).number
     assert targets.event.scene_time == pytest.approx(seen)
     assert targets.event.camera.position == pytest.approx(plan.view.camera_at(seen).position, abs=1e-3)
+
+
+def test_what_a_renderer_traces_for_its_own_image_is_for_the_moment_that_shows_it_first(compiled_only: None) -> None:
+    """The camera of rays that were chosen between two refreshes is that of the later one, on a steady path."""
+    plan = plan_of("refresh_hz: 30", TEXT.replace("period_s: 6", "period_s: 60").replace("32, 24", "96, 72"))
+    chain = SingleProcess(plan, make_tracer_scene(plan.scene))
+    [worker], [renderer] = chain.workers, chain._roles
+    assert renderer.image is not None
+    [shown] = renderer.image.images
+    angles = []
+    for k in range(400):
+        time = chain.clock.now()
+        chain.event = replace(moving(plan, k), input_time=time, scene_time=time, camera=plan.view.camera_at(time))
+        refreshes, traced = shown.view.refreshes, getattr(worker._placed, "camera", None)
+        chain.step()
+        if shown.view.refreshes > refreshes > 4 and shown.expected is not None and traced is not None:
+            angles.append([angle_of(camera) for camera in (traced, shown.expected.camera)])
+    ahead = np.diff(np.unwrap(angles, axis=0))[:, 0] * 60.0 / (2.0 * np.pi)  # seconds of the path
+    assert len(angles) > 5
+    assert np.abs(ahead).max() < 0.004, "not 33 ms, the time between two refreshes"
+
+
+def angle_of(camera: Camera) -> float:
+    return float(np.arctan2(camera.position[0], camera.position[2]))
 
 
 def test_rays_of_a_view_at_rest_or_without_prediction_are_traced_under_the_newest_event(

@@ -44,6 +44,9 @@ def test_a_view_in_motion_is_foreseen_for_the_middle_of_the_time_it_is_seen(plan
     ahead = (expected.camera.position[0] - x) / SPEED - now
     until_shown = 0.0 if making is None else making + ON_ITS_WAY_S
     assert ahead == pytest.approx(until_shown + DELAY_S + 0.5 / HZ, abs=1e-3)
+    rays = view.at_next_refresh(now + 0.005)
+    later = max(view.due - now, 0.005)  # the next refresh, due or overdue
+    assert (rays.camera.position[0] - expected.camera.position[0]) / SPEED == pytest.approx(later, abs=1e-3)
 
 
 def test_an_edit_brings_the_next_refresh_forward_but_a_stream_of_them_keeps_the_rate(plan: Plan) -> None:
