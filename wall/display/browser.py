@@ -357,10 +357,10 @@ class Browser:
         await viewer.socket.send_str(image_message(image, panels=messages, number=viewer.number))
         for (compared, k), held, part, version, pieces in made:
             for piece in pieces:
+                self.sent_bytes += len(piece.encoded)
                 await viewer.socket.send_bytes(
                     part.message(k, piece, compared=compared, version=version, number=viewer.number)
                 )
-                self.sent_bytes += len(piece.encoded)
             part.sent(held, version, pieces)
 
     def _encode(

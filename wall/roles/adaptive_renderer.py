@@ -136,11 +136,14 @@ class AdaptiveRenderer:
         return replace(targets, event=event)
 
     def _expect(self, newest: Event, now: float) -> Event:
-        """What a display that is refreshed now shows; rays are traced for that moment too."""
+        """What a display that is refreshed now shows; rays are for one that is refreshed an interval later.
+
+        Half of that passes until the next refresh, on average, which shows the middle of its own.
+        """
         self._predictor.take(newest)
-        expected = self._predictor.at(now)
-        self._newest, self._event, self._expected = newest, foreseen(newest, expected), expected
-        return expected
+        self._newest, self._expected = newest, self._predictor.at(now, next_in=self._interval)
+        self._event = foreseen(newest, self._expected)
+        return self._predictor.at(now)
 
     def observe(self, samples: Samples, base_time: float) -> None:
         """Insert samples into the deep buffer, and update the scores by what they contradict."""
