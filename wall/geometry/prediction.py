@@ -95,12 +95,13 @@ class Predictor:
         own, below any real one's. Raises ValueError before the first event was taken.
 
         next_in : seconds; not None: the same for the refresh after so long, which rays of now are for. What is
-            foreseen for rays is not judged, and reaches farther: wherever from, they are of the scene as it is
+            foreseen for rays is not judged, and reaches up to twice as far: wherever from, they are of the scene as
+            it is
         """
         event = self._event
         if event is None:
             raise ValueError("nothing to predict from: no event was taken yet")
-        wait = next_in or 0.0
+        wait = min(next_in or 0.0, LONGEST_S)
         moment, longest = now + wait + later + self._delay, LONGEST_S + wait
         if not self._on or not math.isfinite(moment):
             return event

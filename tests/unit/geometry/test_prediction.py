@@ -93,6 +93,8 @@ def test_rays_are_foreseen_for_the_refresh_after_this_one_and_images_do_not_noti
         steady = orbiting(1.2 * (time + LONGEST_S - 0.01 + REFRESH_S))
         assert angle_between(for_rays.camera, steady) < 0.02
     assert angle_between(seen.camera, for_rays.camera) > 0.01
+    far, farthest = (rays.at(time, next_in=wait) for wait in (LONGEST_S, 10.0))
+    assert farthest.camera == far.camera, "where refreshes take seconds, rays stay near what is known"
     still = event(number + 1, time + 1.0, orbiting(path(time)), scene_event=number, scene_time=time)
     rays.take(still)
     assert rays.at(time + 1.5, next_in=REFRESH_S) is still
