@@ -31,3 +31,12 @@ def drag(page, dx, dy, *, button="left"):
     page.mouse.down(button=button)
     page.mouse.move(x + dx * height, y + dy * height, steps=6)
     page.mouse.up(button=button)
+
+
+def close_after_the_run(page):
+    """Close a page whose run has ended, without the lines in which Chromium itself tells that.
+
+    The page looks for the next run until it is closed, and each time there is another line.
+    """
+    page.close()
+    page.complaints = [text for text in page.complaints if "WebSocket connection" not in text]

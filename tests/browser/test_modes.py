@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 import pytest
-from page_input import drag, eventually, find
+from page_input import close_after_the_run, drag, eventually, find
 from PIL import Image
 
 from wall.reconstruction.statistics import AGE, DENSITY, ERROR_REDUCTION
@@ -186,7 +186,7 @@ def test_an_overlay_survives_a_reconnection(page, source, grid):
         eventually(page, lambda: following.statistics == "on", "the next run is asked, too")
     finally:
         following.stop()
-    page.complaints = [text for text in page.complaints if "WebSocket connection" not in text]
+    close_after_the_run(page)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (420, 860), (1920, 600), (760, 1024)])

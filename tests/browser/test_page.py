@@ -6,7 +6,7 @@ import json
 import urllib.request
 
 import pytest
-from page_input import drag, eventually, find, middle
+from page_input import close_after_the_run, drag, eventually, find, middle
 
 from wall.display.base import ParameterState
 
@@ -227,8 +227,7 @@ def test_page_reconnects_to_the_next_run_by_itself(page, source, grid):
         eventually(page, lambda: kinds(following) == ["reset"], "steers the new run")
     finally:
         following.stop()
-    refused = [text for text in page.complaints if "WebSocket connection" in text]
-    page.complaints = [text for text in page.complaints if text not in refused]  # Chromium's own line
+    close_after_the_run(page)
 
 
 def test_run_that_stands_still_is_told(page, source):
