@@ -109,4 +109,3 @@ class GpuStore:
         """Subtract `later` from all times."""
         if self.count:
             self.device.compute("shift", self.count, (self.arrays["state"],), stride=2, offset=TIME, later=later)
-
