@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from wall.core.errors import RunError
-from wall.run.children import Children, Main, belong_to, descriptors, how_ended, run_child
+from wall.run.children import Children, Main, PipeEnd, belong_to, how_ended, run_child, start_process
 from wall.run.endings import REASONS
 from wall.transport.curve import Keys
 
@@ -53,19 +53,17 @@ class LocalBootstrap:
         pipes = [context.Pipe(duplex=False) for _ in range(size - 1)]
         to_nursery, at_nursery = context.Pipe()
         children: list[BaseProcess] = []
-        siblings: list[int] = []  # descriptors by which this process knows of its children, which others inherit
+        siblings: set[PipeEnd] = set()  # by what this process knows of its children
         before = {number: signal.signal(number, signal.SIG_IGN) for number in REASONS}  # as ranks do, from their start
         for rank in range(1, size):
             own = pipes[rank - 1][0]
             others = [end for pipe in pipes for end in pipe if end is not own] + [to_nursery, at_nursery]
             child = context.Process(
                 target=run_child,
-                args=(rank, own, others, as_rank(size, main), os.getpid(), keys[rank], list(siblings)),
+                args=(rank, own, others, as_rank(size, main), os.getpid(), keys[rank], set(siblings)),
                 name=f"wall rank {rank}",
             )
-            known = descriptors()
-            child.start()
-            siblings += sorted(descriptors() - known)
+            siblings |= start_process(child)
             children.append(child)
         nursery = None
         if again:
@@ -177,7 +175,7 @@ def _nurse(
     main: Callable[[LocalBootstrap], None],
     parent: int,
     keys: Sequence[Keys | None],
-    siblings: Sequence[int],
+    siblings: set[PipeEnd],
 ) -> None:
     """The nursery: forks the ranks that it is told to, tells of those that end badly, ends when nobody can tell it."""
     belong_to(parent, others, siblings)

@@ -6,6 +6,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import stat
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +19,7 @@ from wall.run.bootstrap import end_with_parent
 from wall.transport.curve import Keys
 
 END_S = 6.0  # for a process that was killed
+PipeEnd: TypeAlias = tuple[int, int]  # descriptor and inode, for the descriptor may be used again
 Main: TypeAlias = Callable[[int, Connection, Keys | None], None]  # of a rank, that is told by this what rank 0 says
 
 
@@ -28,7 +30,7 @@ class Children:
         """`main`: what each of them does; `keys`: by rank."""
         self._main, self._keys = main, keys
         self._running: dict[int, BaseProcess] = {}
-        self._held: dict[int, list[int]] = {}  # by rank: descriptors by which this process knows of it
+        self._held: dict[int, set[PipeEnd]] = {}  # by rank: by what this process knows of it
 
     @property
     def sentinels(self) -> list[int]:
@@ -51,12 +53,10 @@ class Children:
         return writer
 
     def start(self, rank: int, target: Callable[..., None], *args: Any) -> None:
-        """Fork a process that calls this, and as the last argument gets descriptors that are others'."""
-        siblings = [descriptor for each in self._held.values() for descriptor in each]
+        """Fork a process that calls this, and as the last argument gets pipes that are others'."""
+        siblings = set().union(*self._held.values())
         child = multiprocessing.get_context("fork").Process(target=target, args=(*args, siblings))
-        before = descriptors()
-        child.start()
-        self._running[rank], self._held[rank] = child, sorted(descriptors() - before)
+        self._running[rank], self._held[rank] = child, start_process(child)
 
     def ended(self, ready: Sequence[object]) -> Iterator[tuple[int, int]]:
         """Ranks that have ended, with their exit codes; `ready`: of `sentinels` and others."""
@@ -82,13 +82,24 @@ class Children:
             child.join(END_S)
 
 
-def descriptors() -> set[int]:
-    """All that are open in this process."""
+def start_process(process: BaseProcess) -> set[PipeEnd]:
+    """Start it. Returns the pipes by which this process knows of it, which others inherit.
+
+    Nothing else: threads of libraries open and close files meanwhile.
+    """
+    before = open_pipes()
+    process.start()
+    return open_pipes() - before
+
+
+def open_pipes() -> set[PipeEnd]:
+    """All that this process has."""
     found = set()
     for name in os.listdir("/proc/self/fd"):
-        with contextlib.suppress(OSError):  # that of the folder itself, which is closed by now
-            os.fstat(int(name))
-            found.add(int(name))
+        with contextlib.suppress(OSError):  # it is closed by now, as that of the folder itself is
+            status = os.fstat(int(name))
+            if stat.S_ISFIFO(status.st_mode):
+                found.add((int(name), status.st_ino))
     return found
 
 
@@ -97,17 +108,17 @@ def how_ended(exit_code: int) -> str:
     return f"signal {-exit_code}" if exit_code < 0 else f"exit code {exit_code}"
 
 
-def belong_to(parent: int, ends: list[Connection], siblings: Sequence[int]) -> None:
+def belong_to(parent: int, ends: list[Connection], siblings: set[PipeEnd]) -> None:
     """Of a forked process: die with its parent, which gets the signals that end the run; close what is others'.
 
-    `siblings`: descriptors by which the parent knows of other ranks.
+    `siblings`: by what the parent knows of other ranks.
     """
     end_with_parent(signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
     for end in ends:
         end.close()
-    for descriptor in siblings:
+    for descriptor, _ in siblings & open_pipes():
         os.close(descriptor)
 
 
@@ -118,7 +129,7 @@ def run_child(
     main: Main,
     parent: int,
     keys: Keys | None,
-    siblings: Sequence[int],
+    siblings: set[PipeEnd],
 ) -> None:
     """A forked rank: says why it failed."""
     belong_to(parent, others, siblings)

@@ -28,7 +28,7 @@ from wall.core.errors import ConfigError, RunError, WallError
 from wall.roles.legacy import Legacy
 from wall.roles.plan import HEAD
 from wall.run.bootstrap_local import STOP_WAIT_S, LocalBootstrap, as_rank
-from wall.run.children import Children, belong_to, how_ended
+from wall.run.children import Children, PipeEnd, belong_to, how_ended
 from wall.run.control_file import new_key
 from wall.run.endings import REASONS, leave_to_head
 from wall.run.sinks import PageAt
@@ -337,7 +337,7 @@ def _be_rank(main: Callable[[LocalBootstrap], None], bootstrap: LocalBootstrap) 
 
 def _be_head(
     args: tuple[Any, ...], others: list[Connection], head: Callable[[StandbyBootstrap], object], parent: int,
-    handlers: dict[signal.Signals, Any], siblings: Sequence[int],
+    handlers: dict[signal.Signals, Any], siblings: set[PipeEnd],
 ) -> None:  # fmt: skip
     """A forked head: tells its parent what came of it."""
     belong_to(parent, others, siblings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import threading
 import time
@@ -11,6 +12,7 @@ import pytest
 
 from wall.run.bootstrap import time_limit
 from wall.run.bootstrap_local import LocalBootstrap
+from wall.run.children import start_process
 
 
 def test_time_limit_ends_with_its_block_even_after_an_exception() -> None:
@@ -50,3 +52,26 @@ def test_a_rank_holds_no_descriptors_of_others_however_often_ranks_are_started_a
     (tmp_path / "end").touch()
     bootstrap.finish()
     assert len(set(counts[:3])) == len(set(counts[3:])) == 1, counts
+
+
+def test_files_that_a_thread_opens_meanwhile_are_not_taken_for_pipes_of_a_child() -> None:
+    """A library's thread did that; the ranks forked after it died of a descriptor that they had never had."""
+    ended = threading.Event()
+
+    def open_and_close() -> None:
+        while not ended.is_set():
+            with open("/dev/null"), open("/dev/null"):
+                pass
+
+    thread = threading.Thread(target=open_and_close)
+    thread.start()
+    processes = [multiprocessing.get_context("fork").Process(target=int) for _ in range(20)]
+    try:
+        held = [start_process(process) for process in processes]
+    finally:
+        ended.set()
+        thread.join()
+        for process in processes:
+            process.join()
+    assert [len(pipes) for pipes in held] == [2] * len(processes)
+    assert all(process.sentinel in dict(pipes) for process, pipes in zip(processes, held, strict=True))
