@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,8 +22,11 @@ from wall.commands.replay import replay, replay_one
 from wall.config.sampling import METHODS
 from wall.core.errors import ConfigError, RunError
 from wall.display.film import read_film
+from wall.roles.plan import Plan
+from wall.roles.renderer_image import RendererImage, image_at
+from wall.run.cores import own_cores, share_of_cores, usable_cores
 from wall.run.recording import file_of
-from wall.run.replay import open_recording
+from wall.run.replay import open_recording, replay_batch
 from wall.tracing.tracer_scene import make_tracer_scene
 
 VIEW = "  - {{id: {method}, panels: [r0c{k}], camera: {{position: [6, 4.5, {k}], target: [0, 0.6, 0]}}, {rest}}}\n"
@@ -82,6 +86,20 @@ def test_every_sampler_gives_the_bits_of_the_run_in_one_process_or_two(recording
     assert int(said.group(1).replace(",", "")) > 10 * 48 * 16
     *_, last = replay(recording, ranks=(1, 10), jobs=1, say=silent)
     assert "samples, each with the bits of the run" in str(last)
+
+
+def test_a_rank_is_replayed_with_the_cores_that_it_had(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a jump as many pixels are swept first as its share of a core pays for."""
+    seen: list[float] = []
+
+    def noting(plan: Plan, *more: Any) -> RendererImage | None:
+        seen.append(plan.cores)
+        return image_at(plan, *more)
+
+    monkeypatch.setattr("wall.run.replay.image_at", noting)
+    opened = open_recording(recording)
+    replay_batch(opened, make_tracer_scene(opened.plan.scene), 1, 0)
+    assert seen == [share_of_cores(10, [own_cores()] * 11, head=0, usable=usable_cores())]
 
 
 def test_a_film_of_a_run_has_the_images_of_its_moments(recording: Path, tmp_path: Path) -> None:
@@ -170,7 +188,7 @@ def test_ranks_that_were_not_recorded_are_refused(recording: Path, options: dict
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda about: about | {"format": 9}, "format 9; accepted: 1"),
+        (lambda about: about | {"format": 9}, "format 9; accepted: 2"),
         (lambda about: {}, "not what `wall run --record` wrote"),
         (lambda about: about | {"at_renderers": [99]}, "not what `wall run --record` wrote"),
         (lambda about: about | {"config": "version: 7"}, "version"),

@@ -45,10 +45,11 @@ class Worker:
         region: Region | None = None,
         *,
         rows: RowPrediction | None = None,
+        tracing_threads: int = 1,
     ) -> None:
         """`samplers`: of all workers of the region; `worker`: which one this is; `region`: None: the rank's first.
 
-        `rows`: of the region, where its display shows one row after the other.
+        `rows`: of the region, where its display shows one row after the other. `tracing_threads`: that share a batch.
         """
         layout, region = plan.layout, region or plan.layout.region(rank)
         self.sampler = samplers[worker]
@@ -61,7 +62,7 @@ class Worker:
         self._panel_view = PanelView(plan.view_of(panel), panel)
         tracer_scene = tracer_scene.under(plan.scene_of(panel.view))
         eye, coherent = self._panel_view.eye, self.sampler.coherent
-        self._tracer = Tracer(tracer_scene, panel, eye, coherent=coherent, seen=seen)
+        self._tracer = Tracer(tracer_scene, panel, eye, coherent=coherent, seen=seen, threads=tracing_threads)
         self._relightable, self._noisy = tracer_scene.needs.relighting, tracer_scene.needs.paths
         self._depths, self._objects = layout.graph.fields_of(layout.layer(region))
         self._cut_off = Counter[str]()

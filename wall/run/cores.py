@@ -6,12 +6,35 @@ Kernel documentation: admin-guide/cgroup-v2 (cpu.max), scheduler/sched-bwc (cpu.
 from __future__ import annotations
 
 import os
+from collections import defaultdict
+from collections.abc import Collection, Sequence
 from pathlib import Path
+
+HEAD_WEIGHT = 0.25  # of a head among processes that share a core: it shows what renderers made
 
 
 def usable_cores() -> float:
     """As many as this process may keep busy."""
-    return min([float(len(os.sched_getaffinity(0))), *(quota_of(*group) for group in groups_of_this_process())])
+    return min([float(len(own_cores())), *(quota_of(*group) for group in groups_of_this_process())])
+
+
+def own_cores() -> list[int]:
+    """Numbers of the cores that this process may run on."""
+    return sorted(os.sched_getaffinity(0))
+
+
+def share_of_cores(own: int, processes: Sequence[Collection[int]], *, head: int | None, usable: float) -> float:
+    """How many cores this process has among those of its run on this machine: they share what several may run on.
+
+    own, head : which of them it is, and which is the head
+    processes : of each the numbers of the cores that it may run on
+    usable : as many as this one may keep busy
+    """
+    users: defaultdict[int, float] = defaultdict(float)
+    for k, cores in enumerate(processes):
+        for core in cores:
+            users[core] += HEAD_WEIGHT if k == head else 1.0
+    return usable / len(processes[own]) * sum(1.0 / max(users[core], 1.0) for core in processes[own])
 
 
 def groups_of_this_process(controller: str = "cpu", proc: Path = Path("/proc")) -> list[tuple[Path, int]]:

@@ -4,6 +4,7 @@ A role reads no clock and opens no socket (docs/decisions/0011-roles-without-io.
 is told. So the file holds what it was told, in order, as entries of a tag byte and
 
     TIME     float64          a reading of the head's clock, seconds
+    CORES    float64          how many it had, once; first of all
     MESSAGE  u32, bytes       a message of the manager, as on the wire; the first one: this rank's own Hello
     NO_MORE                   no other message had come
     ANSWER   u8               whether a packet would be sent at once, or go through shared memory
@@ -31,10 +32,10 @@ FLUSH_S = 1.0
 LEVEL = 1  # of zlib: readings of a clock hardly shrink
 READ_BYTES = 1 << 16
 MOST_BYTES = 1 << 26  # of a message or a packet: none is as large
-TIME, MESSAGE, NO_MORE, ANSWER, DROPPED, BATCH = b"TMNADB"
+TIME, CORES, MESSAGE, NO_MORE, ANSWER, DROPPED, BATCH = b"TCMNADB"
 KINDS = {
-    TIME: "a reading of the clock", MESSAGE: "a message", NO_MORE: "no message", ANSWER: "an answer about a packet",
-    DROPPED: "packets that were dropped", BATCH: "a batch",
+    TIME: "a reading of the clock", CORES: "the rank's cores", MESSAGE: "a message", NO_MORE: "no message",
+    ANSWER: "an answer about a packet", DROPPED: "packets that were dropped", BATCH: "a batch",
 }  # fmt: skip
 _TIME, _MESSAGE, _ANSWER = struct.Struct("<Bd"), struct.Struct("<BI"), struct.Struct("<BB")
 _DROPPED, _BATCH, _SIZE = struct.Struct("<BH"), struct.Struct("<BII"), struct.Struct("<I")
@@ -70,6 +71,10 @@ class EventFile:
     def time(self, seconds: float) -> None:
         """A reading of the clock."""
         self._entries += _TIME.pack(TIME, seconds)
+
+    def cores(self, count: float) -> None:
+        """How many this rank has."""
+        self._entries += _TIME.pack(CORES, count)
 
     def message(self, data: bytes) -> None:
         """A message of the manager."""
@@ -132,6 +137,11 @@ class EventReader:
         self.seconds = (self.seconds[0] or seconds, seconds)
         return float(seconds)
 
+    def cores(self) -> float:
+        """How many the rank had."""
+        (count,) = self._next(CORES, struct.Struct("<d"))
+        return float(count)
+
     def message(self) -> bytes | None:
         """The next message; None where no other had come."""
         if self._peek() == NO_MORE:
@@ -171,6 +181,8 @@ class EventReader:
     def _skip(self, kind: int) -> None:
         if kind == TIME:
             self.time()
+        elif kind == CORES:
+            self.cores()
         elif kind == NO_MORE:
             self._take(1)
         elif kind == ANSWER:

@@ -5,9 +5,10 @@ The same few lines run under mpirun and on a laptop; only where the ranks come f
 
 from __future__ import annotations
 
+import json
 import socket
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -32,7 +33,7 @@ from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
 from wall.run.control_file import check_free, claimed
-from wall.run.cores import usable_cores
+from wall.run.cores import own_cores, share_of_cores, usable_cores
 from wall.run.first_look import dark_views
 from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
@@ -85,7 +86,8 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
     machines = [""] * layout.size
     layout = reconstructed_at_renderers(layout, machines)
     ranks = range(layout.size)
-    plan, tracer_scene = prepare(layout, say, headless=options.headless, processes=layout.size, ranks=ranks)
+    cores = share_of_cores(layout.size - 1, [own_cores()] * layout.size, head=HEAD, usable=usable_cores())
+    plan, tracer_scene = prepare(layout, say, headless=options.headless, cores=cores, ranks=ranks)
     if options.record is not None:
         begin_recording(options.record, plan)
 
@@ -138,6 +140,7 @@ def _run_launched(
     launched: MpiBootstrap, layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]
 ) -> Outcome | None:
     machines = launched.allgather(socket.gethostname())
+    bound = [json.loads(text) for text in launched.allgather(json.dumps(own_cores()))]
     check_same(launched, layout, machines)
     check_size(layout, launched.size, tell=launched.rank == HEAD)
     if layout.config.transport.encrypted:
@@ -149,9 +152,10 @@ def _run_launched(
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     if not options.headless:
         check_displays(window_panels(layout, (bootstrap.rank,)))
+    cores = _cores_of(bootstrap.rank, by_rank, dict(zip(rank_of, bound, strict=True)))
     plan, tracer_scene = prepare(
         layout, say if bootstrap.rank == HEAD else lambda line: None, headless=options.headless,
-        processes=machines.count(socket.gethostname()), ranks=_on(socket.gethostname(), by_rank),
+        cores=cores, ranks=_on(socket.gethostname(), by_rank),
     )  # fmt: skip
     if layout.config.transport.standby and bootstrap.rank == HEAD:
         say("note: transport.standby: under MPI no head takes another's place")
@@ -193,21 +197,28 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
     )
 
 
+def _cores_of(rank: int, by_rank: Sequence[str], bound: Mapping[int, Sequence[int]]) -> float:
+    """The cores of this process; `bound`: numbers of those that each rank may run on, as its launcher says."""
+    beside = _on(by_rank[rank], by_rank)
+    head = beside.index(HEAD) if HEAD in beside else None
+    return share_of_cores(beside.index(rank), [bound[other] for other in beside], head=head, usable=usable_cores())
+
+
 def _on(machine: str, by_rank: Sequence[str]) -> list[int]:
     """The ranks that are on a machine."""
     return [rank for rank, host in enumerate(by_rank) if host == machine]
 
 
 def prepare(
-    layout: Layout, say: Callable[[str], None], *, headless: bool, processes: int = 0, ranks: Sequence[int] = ()
+    layout: Layout, say: Callable[[str], None], *, headless: bool, cores: float = 1.0, ranks: Sequence[int] = ()
 ) -> tuple[Plan, TracerScene]:
     """Load the scene of a layout, and the kernels. Raises ConfigError.
 
-    `processes` of the run on this machine share the cores that this one may use; 0: this one takes none but its own.
+    `cores`: that this process may keep busy, beside the others of the run.
     `ranks`: those that are to run on this machine, which are refused if they need more memory than it has left.
     """
     say("loading the scene")
-    plan = replace(make_plan(layout), cores=usable_cores() / processes if processes else 1.0)
+    plan = replace(make_plan(layout), cores=cores)
     for note in (*layout.notes, *plan.scene.notes):
         say(f"note: {note}")
     if ranks:

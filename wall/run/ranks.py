@@ -111,6 +111,7 @@ def _render(
             ports = ways_of(plan, bootstrap, address, head_clock, None)
         else:
             events = EventFile(record)
+            events.cores(plan.cores)
             closing.callback(events.close)
             clock, traced = RecordedClock(head_clock, events), partial(_keep, events)
             heartbeat_s = plan.layout.config.transport.heartbeat_s

@@ -24,7 +24,7 @@ from wall.run.ports import Ports
 from wall.transport.base import Link
 from wall.transport.curve import Keys
 
-FORMAT = 1
+FORMAT = 2
 RUN = "run.json"
 
 

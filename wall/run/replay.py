@@ -150,11 +150,11 @@ class _Replay:
     def __init__(
         self, recorded: Recorded, scene: TracerScene, rank: int, life: int, *, wanted: int | None = None
     ) -> None:
-        plan = recorded.plan
         self._life = life
         self.rank, self.folder, self._wanted, self._version = rank, recorded.folder, wanted, recorded.version
         self.found: ReplayedBatch | None = None
         self.events = EventReader(file_of(recorded.folder, rank, life))
+        plan = replace(recorded.plan, cores=self.events.cores())
         hello = parse_control(self.events.message() or b"")
         assert isinstance(hello, Hello)
         clock, ports = ReplayedClock(self.events), ReplayedPorts(rank, self.events)

@@ -31,6 +31,11 @@ class BatchError(RunError):
         self.replay = {"batch": number, "camera_event": event.camera_event, "scene_event": event.scene_event}
 
 
+def threads_of(cores: float) -> int:
+    """How many threads share the rays of a renderer whose process has so many cores."""
+    return max(1, round(cores))
+
+
 class Tracers:
     """Executes Trace and Restart for one rank."""
 
@@ -46,14 +51,16 @@ class Tracers:
         traced: OnTraced | None = None,
         life: int = 0,
     ) -> None:
-        """`threads`: False steps all workers in the caller's. `image`: made of the samples by this rank itself.
+        """`threads`: False traces all in the caller's, in the same order every time.
 
-        `traced` is told every batch, by the thread that has traced it. `life`: how often the rank was started before.
+        `image`: made of the samples by this rank itself. `traced` is told every batch, by the thread that has traced
+        it. `life`: how often the rank was started before.
         """
         self._rank, self._traced, self._numbers, self._life = rank, traced, count(), life
         self._plan, self._regions, self._clock = plan, plan.layout.regions_of(rank), clock
         self._images = (None,) * len(self._regions) if image is None else image.images
         self._tracer_scene = tracer_scene
+        self._sharing = threads_of(plan.cores) if threads else 1
         times = len({plan.views[k].timing for k in plan.layout.views_of(rank)})
         for series in plan.scene.series:  # of ranks in one process, who share them, the one with most times counts
             series.meshes.times = max(series.meshes.times, times)
@@ -68,9 +75,12 @@ class Tracers:
         scanned = self._plan.layout.panel(region).scan is not None
         rows = RowPrediction(self._plan, region, Lock()) if scanned else None
         return [
-            Worker(self._plan, self._tracer_scene, self._rank, self._clock, samplers, k, region, rows=rows)
+            Worker(
+                self._plan, self._tracer_scene, self._rank, self._clock, samplers, k, region,
+                rows=rows, tracing_threads=max(1, self._sharing // len(samplers)),
+            )
             for k in range(len(samplers))
-        ]
+        ]  # fmt: skip
 
     def reassign(self, regions: tuple[Region, ...]) -> None:
         """Trace these regions from now on. Only while no thread is at work."""

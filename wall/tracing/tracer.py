@@ -1,7 +1,8 @@
-"""Trace batches of positions under an event: one Tracer a thread, its instances placed relative to the eye.
+"""Trace batches of positions under an event, by the instances that a Tracer has placed relative to the eye.
 
-A thread owns its Tracer: its own instance tree, packets and scratch, so that threads never wait for each other and a
-new event is taken up between two batches, never inside one.
+A thread that chooses rays owns a Tracer: its own instance tree, packets and scratch. So those threads never wait for
+each other, and a new event is taken up between two batches, never inside one. Within a batch threads may share the
+rays: nothing is placed then, and each has packets and scratch of its own.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
+from wall.core.threads import Threads
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.cuts import planes_of
@@ -48,6 +50,7 @@ from wall.tracing.light_trees import DeltaLights, EmitterTree
 from wall.tracing.steps import LaidSteps
 from wall.tracing.tracer_scene import TracerScene, sky_rows
 
+RAYS_A_THREAD = 256  # of a batch; waking a thread takes as long as tracing 50 to 100
 MOST_SURFACES = 1 << 16  # of a path: no limit
 NUMBERS = 0xFFFFFFFF  # of samples, where they begin again
 
@@ -99,22 +102,22 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0
     )
 
 
-def path_room(count: int, depth: int, *, normals: bool = False) -> Paths:
-    """Room for so many paths of so many surfaces; `normals`: a tree chooses among surfaces that emit."""
+def path_room(count: int, *, normals: bool = False) -> Paths:
+    """Room for so many paths; `normals`: a tree chooses among surfaces that emit."""
     return Paths(
         rays=np.zeros(RAY_ROWS * (count + embree.PACKET), np.float32),
         sample=np.zeros(count + embree.PACKET, np.int64),
         key=np.zeros(count + embree.PACKET, np.uint32),
         radiance=np.zeros((count, 3), np.float32),
         normals=np.zeros((count, 3), np.float32) if normals else None,
-        depth=depth,
-        number=np.zeros(count, np.uint32),
+        depth=0,
+        number=np.zeros(0, np.uint32),
         seed=np.uint32(0),
     )
 
 
 class Tracer:
-    """Traces for one thread. `set_event(event)` moves to a new event; `trace(xy)` gives samples under it."""
+    """Traces for who has it. `set_event(event)` moves to a new event; `trace(xy)` gives samples under it."""
 
     def __init__(
         self,
@@ -124,11 +127,13 @@ class Tracer:
         *,
         coherent: bool,
         seen: NDArray[np.bool_] | None = None,
+        threads: int = 1,
     ) -> None:
         """`eye` is (3,) float64 in the wall's frame, metres; `coherent` says that packets are small screen tiles.
 
         seen : (n,) bool, instances that primary rays may hit; the others only cast shadows and show in mirrors. None:
             all
+        threads : that share a batch, the caller's among them; each has packets and scratch of its own
         """
         n = len(tracer_scene.meshes)
         masks = np.full(n, SEEN, np.uint32) if seen is None else np.where(seen, SEEN, UNSEEN).astype(np.uint32)
@@ -162,16 +167,18 @@ class Tracer:
         self._shading: Shading | None = None  # as last placed
         self._depth = tracer_scene.scene.path_depth
         primary_mask, cuts = EVERY_OBJECT if seen is None else SEEN, len(tracer_scene.scene.cuts)
-        self._work = workspace(coherent=coherent, primary_mask=primary_mask, cuts=cuts)
+        self._threads = Threads(threads)
+        self.works = [workspace(coherent=coherent, primary_mask=primary_mask, cuts=cuts) for _ in range(threads)]
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._occlusion = _occlusion(tracer_scene.scene.occlusion)
-        self._path_room = path_room(0, 0, normals=self._emitter_tree is not None)
+        self._path_rooms = [path_room(0, normals=self._emitter_tree is not None) for _ in range(threads)]
         self._counts = np.zeros((0, 0), np.uint32)  # samples of each pixel so far, where they are numbered here
         self.seed = 1  # of paths
 
     def expect(self, *, coherent: bool) -> None:
         """Trace packets from now on that are small screen tiles, or not."""
-        embree.expect(self._work.arguments, coherent=coherent)
+        for work in self.works:
+            embree.expect(work.arguments, coherent=coherent)
 
     def set_event(self, event: Event) -> None:
         """Places everything for `event`: its camera, its scene time, its edits."""
@@ -198,8 +205,9 @@ class Tracer:
         if self._emitter_tree is not None:
             self._emitter_tree.place(moment.world_from_object, origin)
         shading = moment.shading
-        if self._work.cuts is not None:
-            self._work.cuts[:] = planes_of(shading.cuts, origin)
+        for work in self.works:
+            if work.cuts is not None:
+                work.cuts[:] = planes_of(shading.cuts, origin)
         points, many_points = self._points.place(moment.point_positions, shading, origin)
         spots, many_spots = self._spots.place(moment.spot_positions, shading, origin)
         self._lights = self._lights._replace(points=points, spots=spots, many_points=many_points, many_spots=many_spots)
@@ -259,40 +267,55 @@ class Tracer:
         Non-finite radiance is dropped and counted in Traced.bad, so fewer than n samples may come back.
         """
         self._ray_frame = self._ray_frame._replace(footprint=float(footprint))  # of an int, numba compiles all again
-        samples = np.zeros(len(xy), SAMPLE)
-        work = self._work
-        work.counts[:] = 0
-        arguments = self.arguments(xy, samples)
-        if self._depth is None:
-            kept = kernels.trace(*arguments)
-        elif self._occlusion is not None:
-            kept = trace_ambient(*arguments, self._paths(xy, number, depth), self._occlusion)
-        else:
-            kept = trace_paths(*arguments, self._paths(xy, number, depth))
-        primary, shadow, secondary, bad = (int(count) for count in work.counts)
-        return samples[:kept], Traced(primary=primary, shadow=shadow, secondary=secondary, bad=bad)
+        samples, numbers = np.zeros(len(xy), SAMPLE), self._numbers(xy, number)
+        free = list(range(self._threads.count))
 
-    def _paths(self, xy: Float32, number: int | None, depth: int | None) -> Paths:
-        """Room for so many paths, kept from batch to batch."""
-        count = len(xy)
-        if len(self._path_room.radiance) < count:
-            self._path_room = path_room(count, 0, normals=self._emitter_tree is not None)
-        room = self._path_room
+        def trace(first: int, last: int) -> Samples:
+            thread, own = free.pop(), samples[first:last]
+            arguments = self._arguments(xy[first:last], own, self.works[thread])
+            if numbers is None:
+                kept = kernels.trace(*arguments)
+            elif self._occlusion is not None:
+                kept = trace_ambient(*arguments, self._paths(thread, numbers[first:last], depth), self._occlusion)
+            else:
+                kept = trace_paths(*arguments, self._paths(thread, numbers[first:last], depth))
+            return own[:kept]
+
+        for work in self.works:
+            work.counts[:] = 0
+        parts = self._threads.share(len(xy), trace, unit=RAYS_A_THREAD)
+        primary, shadow, secondary, bad = (sum(int(work.counts[k]) for work in self.works) for k in range(COUNTS))
+        traced = Traced(primary=primary, shadow=shadow, secondary=secondary, bad=bad)
+        return samples if bad == 0 else np.concatenate(parts), traced
+
+    def _numbers(self, xy: Float32, number: int | None) -> NDArray[np.uint32] | None:
+        """(n,) uint32, see trace; None where light is not followed along paths."""
+        if self._depth is None:
+            return None
         if number is not None:
-            room.number[:count] = number & NUMBERS
-        else:
-            width, height = self._panel.pixels
-            if self._counts.shape != (height, width):
-                self._counts = np.zeros((height, width), np.uint32)
-            count_samples(xy, self._counts, room.number)
+            return np.full(len(xy), number & NUMBERS, np.uint32)
+        width, height = self._panel.pixels
+        if self._counts.shape != (height, width):
+            self._counts = np.zeros((height, width), np.uint32)
+        numbers = np.empty(len(xy), np.uint32)
+        count_samples(xy, self._counts, numbers)
+        return numbers
+
+    def _paths(self, thread: int, numbers: NDArray[np.uint32], depth: int | None) -> Paths:
+        """Room for paths of these numbers, kept from batch to batch."""
+        room = self._path_rooms[thread]
+        if len(room.radiance) < len(numbers):
+            room = self._path_rooms[thread] = path_room(len(numbers), normals=self._emitter_tree is not None)
         depth = min(self._depth or 0, depth or MOST_SURFACES)
-        return room._replace(seed=np.uint32(self.seed & NUMBERS), depth=depth)
+        return room._replace(number=numbers, seed=np.uint32(self.seed & NUMBERS), depth=depth)
 
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
-        """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""
-        materials, lights = self._materials, self._lights
+        """The arguments of kernels.trace for one thread; for measuring the kernel alone."""
+        return self._arguments(xy, samples, self.works[0])
+
+    def _arguments(self, xy: Float32, samples: Samples, work: Workspace) -> Arguments:
         trees, frame = self.instances.trees, self._ray_frame
-        return Arguments(trees, frame, xy, samples, self._surfaces, materials, lights, self._work)
+        return Arguments(trees, frame, xy, samples, self._surfaces, self._materials, self._lights, work)
 
 
 def _occlusion(wanted: AmbientOcclusion | None) -> Occlusion | None:

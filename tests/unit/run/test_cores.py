@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from wall.run.cores import groups_of, quota_of
+import pytest
+
+from wall.run.cores import groups_of, quota_of, share_of_cores
+from wall.run.tracers import threads_of
 
 
 def test_cgroups_are_looked_for_from_the_own_one_upwards(tmp_path: Path) -> None:
@@ -34,3 +37,29 @@ def test_a_quota_is_a_number_of_cores(tmp_path: Path) -> None:
     (tmp_path / "cpu.max").write_text("max 100000\n")
     (tmp_path / "cpu.cfs_quota_us").write_text("-1\n")
     assert quota_of(tmp_path, 2) == quota_of(tmp_path, 1) == quota_of(tmp_path / "none", 2) == math.inf
+
+
+ALL = {"of a machine": [range(16)] * 5, "two": [range(2)] * 2, "one": [range(4)], "five on two": [range(2)] * 5}
+
+
+@pytest.mark.parametrize(
+    ("processes", "usable", "each", "threads"),
+    [
+        (ALL["of a machine"], 16.0, 3.76, 4), (ALL["two"], 2.0, 1.6, 2), (ALL["one"], 4.0, 4.0, 4),
+        (ALL["five on two"], 2.0, 0.47, 1), (ALL["five on two"], 0.25, 0.06, 1),
+        ([range(8 * k, 8 * k + 8) for k in range(4)], 8.0, 8.0, 8),
+        ([range(0, 4), range(2, 6)], 4.0, 3.6, 4),
+    ],
+    ids=["all share", "with a head alone", "alone", "too many", "with a quota", "each bound to its own", "overlapping"],
+)  # fmt: skip
+def test_processes_share_the_cores_that_several_may_run_on(
+    processes: list[range], usable: float, each: float, threads: int
+) -> None:
+    """The first is the head, which counts as a quarter of a process."""
+    cores = share_of_cores(len(processes) - 1, processes, head=0, usable=usable)
+    assert cores == pytest.approx(each, abs=0.01)
+    assert threads_of(cores) == threads
+
+
+def test_without_a_head_all_count_the_same() -> None:
+    assert share_of_cores(0, [range(8)] * 4, head=None, usable=8.0) == 2.0

@@ -29,6 +29,7 @@ def path(tmp_path):
 
 def written(path):
     events = EventFile(path)
+    events.cores(0.4)
     events.message(b"hello")
     events.time(0.1)
     events.message(b"")
@@ -47,6 +48,7 @@ def written(path):
 def test_entries_are_read_as_they_were_written(path):
     written(path).close()
     events = EventReader(path)
+    assert events.cores() == 0.4
     assert events.message() == b"hello"
     assert events.time() == 0.1
     assert events.message() == b""
@@ -74,16 +76,17 @@ def test_a_file_that_was_cut_is_read_up_to_there(path, monkeypatch):
     assert len(cut) > 40
     path.write_bytes(cut[:-4])
     reader, taken = EventReader(path), []
-    for read in (reader.message, reader.time, reader.message, reader.message):
+    for read in (reader.cores, reader.message, reader.time, reader.message, reader.message):
         taken.append(read())
     with pytest.raises(EndOfFileError):
         read_on(reader)
-    assert taken == [b"hello", 0.1, b"", None]
+    assert taken == [0.4, b"hello", 0.1, b"", None]
 
 
 def test_another_turn_than_in_the_run_is_told(path):
     written(path).close()
     events = EventReader(path)
+    assert events.cores() == 0.4
     with pytest.raises(RunError, match="went on with a message, this replay wants a reading of the clock"):
         events.time()
 

@@ -111,7 +111,7 @@ def test_a_run_that_needs_too_much_ends_before_it_takes_any(monkeypatch: pytest.
     layout, said = plan_of().layout, list[str]()
     monkeypatch.setattr(host_memory, "available_bytes", lambda: GB // 4)
     with pytest.raises(ConfigError, match=f"2 ranks need .* of memory on {socket.gethostname()}"):
-        launch.prepare(layout, said.append, headless=True, processes=2, ranks=range(2))
+        launch.prepare(layout, said.append, headless=True, ranks=range(2))
     assert said[0] == "loading the scene"
     assert all("pixels are not square" in each for each in said[1:]), "a run that goes on says more"
 

@@ -67,7 +67,7 @@ class Bench:
 
     def _record(self) -> None:
         """Every primary packet, and the shadow packet of every light that some lane of it faces."""
-        work, given = self.tracer._work, self.arguments(self.raster)
+        work, given = self.tracer.works[0], self.arguments(self.raster)
         every, rounded = given.lights, given.materials.scattering.rounded
         dark = every._replace(directional=None, points=None)
         lights = [
@@ -124,7 +124,7 @@ class Bench:
         n, m = packets.stop - packets.start, shadows.stop - shadows.start
         self._block_hits[:n], self._block_shadows[:m] = self.hits[packets], self.shadows[shadows]
         self._block_lit[:m] = self.lit[shadows]
-        ends, arguments = self._ends[packets] - shadows.start, self.tracer._work.arguments
+        ends, arguments = self._ends[packets] - shadows.start, self.tracer.works[0].arguments
         block = self._block_hits[:n], self._valid, self._block_shadows[:m], self._block_lit[:m]
         began = time.thread_time()
         bare_queries(self.tracer.instances.trees.at_rest, *block, ends, arguments)

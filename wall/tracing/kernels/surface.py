@@ -68,6 +68,7 @@ def gather_surfaces(meshes, normals, table, work):
             p[rows.HIT + lane] = ZERO
             set_xyz(p, rows.GEOMETRIC_NORMAL_X, lane, ONE, ONE, ONE)
             set_xyz(p, rows.SHADING_NORMAL_X, lane, ONE, ONE, ONE)
+            set_xyz(p, rows.ALBEDO_R, lane, ZERO, ZERO, ZERO)  # not what the lane hit before, which may be no number
             continue
         hits += 1
         p[rows.HIT + lane] = ONE
