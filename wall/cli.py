@@ -76,8 +76,9 @@ def run(
         Path | None, typer.Option(help="Folder for the run's events, such as run.events; wall replay traces them again")
     ] = None,
     film: Annotated[
-        Path | None, typer.Option(help="FILE.mp4 of what the first view was to show, rendered after the run")
+        Path | None, typer.Option(help="FILE.mp4 of what a view was to show, rendered after the run")
     ] = None,
+    film_view: Annotated[str | None, typer.Option(help="View of --film; the first if left out")] = None,
     film_rate: Annotated[float, typer.Option(help="Frames a second of --film")] = 30.0,
     film_spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of --film")] = 16,
     images: Annotated[
@@ -102,6 +103,10 @@ def run(
 
         option = "--film" if record is None else "--record"
         raise ConfigError(f"{option} and --watch: a run that is recorded keeps its configuration; wanted: one of them")
+    if film_view is not None and film is None:
+        from wall.core.errors import ConfigError
+
+        raise ConfigError(f"--film-view {film_view}: wanted --film FILE.mp4 with it")
     loaded = load_config(config, scene, up=up, integrator=integrator, fit=fit)
     options = launch.Options(
         out=out or Path(loaded.config.output.directory),
@@ -117,7 +122,8 @@ def run(
     if film is not None:
         from wall.commands.film import film_of_run
 
-        film_later = film_of_run(film, record, rate=film_rate, spp=film_spp)
+        views = [view.id for view in loaded.config.views]
+        film_later = film_of_run(film, record, views, rate=film_rate, spp=film_spp, view=film_view)
         options = replace(options, record=film_later.events)
     try:
         with StartProgress(open_page=loaded.config.output.browser.open) as progress:

@@ -129,11 +129,15 @@ def test_a_run_makes_its_film_and_its_events_stay_until_then(
     assert np.ptp(frames[0]) > 100
     film = copy.with_suffix(".mp4")
     with pytest.raises(ConfigError, match=rf"{copy} is there already, .*wall replay {copy} --film {film} makes it"):
-        film_of_run(film, None, rate=1.0, spp=1)
-    later = FilmOfRun(film=tmp_path / "no" / "copy.mp4", events=copy, kept=False, rate=1.0, spp=1)
+        film_of_run(film, None, METHODS, rate=1.0, spp=1)
+    with pytest.raises(ConfigError, match=r"--film-view frameles: no such view; accepted: adaptive, .*frameless"):
+        film_of_run(film, None, METHODS, rate=1.0, spp=1, view="frameles")
+    later = FilmOfRun(film=tmp_path / "no" / "copy.mp4", events=copy, kept=False, rate=1.0, spp=1, view="hilbert")
     with pytest.raises(ConfigError):
         later.make()
-    assert f"copy.mp4 is not finished; wall replay {copy} --film" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert f"copy.mp4 is not finished; wall replay {copy} --film" in said
+    assert "--view hilbert makes it" in said
     replace(later, film=film).make()
     assert (film.exists(), copy.exists()) == (True, False)
 

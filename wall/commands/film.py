@@ -21,6 +21,7 @@ from wall.commands.frames import (
 from wall.commands.one_view import plan_of_view
 from wall.commands.progress import progress_bar
 from wall.commands.terminal import console, errors
+from wall.config.loading import nearest
 from wall.core.data import Event
 from wall.core.errors import ConfigError, RunError
 from wall.core.mpi import under_mpi
@@ -41,6 +42,7 @@ class FilmOfRun:
     kept: bool  # the events stay
     rate: float
     spp: int
+    view: str | None = None  # None: the first
 
     def drop(self) -> None:
         """Remove the events, unless they were asked for."""
@@ -50,21 +52,27 @@ class FilmOfRun:
     def make(self) -> None:
         """Make it; who ends that with Ctrl-C is told how to go on. Raises RunError."""
         try:
-            make_film(self.events, self.film, Quality(spp=self.spp, seed=1), rate=self.rate, view=None)
+            make_film(self.events, self.film, Quality(spp=self.spp, seed=1), rate=self.rate, view=self.view)
         except BaseException:
             command = f"wall replay {self.events} --film {self.film} --rate {self.rate:g} --spp {self.spp}"
+            command += f" --view {self.view}" if self.view else ""
             errors.print(f"note: {self.film} is not finished; {command} makes it", soft_wrap=True)
             raise
         self.drop()
 
 
-def film_of_run(film: Path, record: Path | None, *, rate: float, spp: int) -> FilmOfRun:
+def film_of_run(
+    film: Path, record: Path | None, views: Sequence[str], *, rate: float, spp: int, view: str | None = None
+) -> FilmOfRun:
     """The film that `wall run` is to make, checked before the run begins. Raises ConfigError.
 
-    `record`: where the run's events are to stay; None: they are beside the film, until it is made.
+    `record`: where the run's events are to stay; None: they are beside the film, until it is made. `views`: names of
+    the configuration's; `view`: the one that is shown, None: the first.
     """
     if under_mpi():
         raise ConfigError("--film under mpirun: wanted --record FOLDER, of all machines, then wall replay --film")
+    if view is not None and view not in views:
+        raise ConfigError(f"--film-view {view}: no such view; accepted: {', '.join(views)}{nearest(view, views)}")
     Targets(film=film).check()
     events = record or film.with_suffix(".events")
     if record is None and events.exists():
@@ -72,7 +80,8 @@ def film_of_run(film: Path, record: Path | None, *, rate: float, spp: int) -> Fi
             f"--film {film}: {events} is there already, of a run whose film was not finished (wall replay {events} "
             f"--film {film} makes it); wanted: another name, or that folder removed"
         )
-    return FilmOfRun(film=film, events=events, kept=record is not None, rate=checked_rate(rate, "--film-rate"), spp=spp)
+    rate = checked_rate(rate, "--film-rate")
+    return FilmOfRun(film=film, events=events, kept=record is not None, rate=rate, spp=spp, view=view)
 
 
 def make_film(folder: Path, film: Path, quality: Quality, *, rate: float, view: str | None) -> None:
