@@ -59,8 +59,12 @@ class Director:
             self._go_on_from(before)
 
     def _go_on_from(self, before: Director) -> None:
-        """Time goes on; the camera stays steered, and the sampler chosen, where their configurations are the same."""
+        """Time goes on; the camera stays steered, and the sampler chosen, where their configurations are the same.
+
+        Cameras that were kept are of the view of that name alone.
+        """
         self._last, self.statistics = before._last, before.statistics
+        self._bookmarks = dict(before._bookmarks) if before.name == self.name else {}
         old, new = before._view, self._view
         alike = (old.clock is None, old.offset_s, old.runs) == (new.clock is None, new.offset_s, new.runs)
         if alike or self.view == 0:

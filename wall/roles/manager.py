@@ -128,6 +128,9 @@ class Manager:
         self.configurations += 1
         self.commands, self._complete_since, self._released = Commands(), None, (-1, -1)
         self._take(replace(plan, since=self.since), now)
+        kept = {int(number) for director in self.directors for number in director.kept.bookmarks}
+        self.commands.selection = Selection(bookmarks=sorted(kept))
+        yield Send(HEAD, self.commands.selection)
         self.editor.adopt(self.plan)
         self._edited, self._repeat_due = True, now
         yield from self.reloading.answer(self.editor.count)

@@ -26,14 +26,15 @@ RATIO = behind(1.0).own
 FLOAT32 = 1e-5  # a few roundings of shares that sum to 1
 
 
-def shares(x: float, y: float, sharpness: float) -> Float32:
-    """(SIZE + 2, SIZE + 2) float32: what pixels get of one sample of weight 1, a border around."""
+def shares(x: float, y: float, sharpness: float, weight: float = 1.0) -> Float32:
+    """(SIZE + 2, SIZE + 2) float32: what pixels get of one sample, a border around."""
     store = SampleStore.of(1, lit=False)
     store.radiance[:], store.screen_position[:, 0] = 1.0, (x, y, 1.0)
     sums: Float32 = np.full((SIZE + 2, SIZE + 2, 4), 7.0, np.float32)
     bounds = np.full((3, SIZE, SIZE), sharpness, np.float32)
     no_irradiance = np.zeros((0, 0, 2), np.float32)
-    splat(store, np.ones(1, np.float32), 1, bounds, np.ones((1, 1), np.bool_), sums, no_irradiance, None)
+    weights = np.full(1, weight, np.float32)
+    splat(store, weights, 1, bounds, np.ones((1, 1), np.bool_), sums, no_irradiance, None)
     assert_allclose(sums[..., 0], sums[..., 3])
     return np.asarray(sums[..., 3])
 
@@ -47,6 +48,16 @@ def test_shares_follow_the_trapezoid_and_sum_to_1(sharpness: float) -> None:
         across, down = (np.clip(0.5 + sharpness * (0.5 - np.abs(centres - at)), 0.0, 1.0) for at in (x, y))
         assert_allclose(shares(x, y, sharpness), np.outer(down, across), atol=FLOAT32)
         assert_allclose(shares(x, y, sharpness).sum(), 1.0, atol=FLOAT32)
+
+
+def test_no_share_is_rounded_below_nothing(compiled_only: None) -> None:
+    """Samples that leave nearly nothing to the first of their four pixels.
+
+    Less than nothing had no square root, and showed as black where an image of few pixels was enlarged.
+    """
+    random = np.random.default_rng(5)
+    for x, y, weight in random.random((3500, 3)) ** (8.0, 8.0, 1.0) * (1.0, 1e-3, 1.0):
+        assert shares(3.5 - x, 2.5 - y, 1.0, weight).min() == 0.0
 
 
 @pytest.mark.parametrize(

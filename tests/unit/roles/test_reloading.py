@@ -6,11 +6,23 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wall.config.loading import loads
 from wall.core.errors import ConfigError, EditError
-from wall.packets.control import Adopt, EditAnswer, EditRequest, Event, Heartbeat, Hello, Prepare, Prepared, WindowInput
+from wall.packets.control import (
+    Adopt,
+    EditAnswer,
+    EditRequest,
+    Event,
+    Heartbeat,
+    Hello,
+    Prepare,
+    Prepared,
+    Selection,
+    WindowInput,
+)
 from wall.roles.instructions import Broadcast, Changed, Died, Instruction, Make, PlanMade, Send
 from wall.roles.manager import Manager
 from wall.roles.plan import Layout, Plan, make_layout, make_plan
@@ -128,6 +140,23 @@ def test_all_ranks_prepare_then_all_adopt_then_events_go_on_with_higher_numbers(
     assert led.manager.plan.number == 1
     with pytest.raises(EditError, match="no edit to undo"):
         led.manager.editor.undo()
+
+
+def test_cameras_that_were_kept_are_kept_beyond_a_change_of_the_configuration(plan: Plan) -> None:
+    led = Led(plan)
+    led.tell(WindowInput(rank=0, commands=[{"kind": "orbit", "x": 0.5, "y": 0.0}]))
+    led.tick(0.1)
+    led.tell(WindowInput(rank=0, commands=[{"kind": "bookmark", "value": "2"}]))
+    led.tick(0.1)
+    kept = led.manager.events[0].camera
+    led.adopted(led.ask())
+    led.tell(WindowInput(rank=0, commands=[{"kind": "reset"}]))
+    led.tick(0.1)
+    assert led.manager.events[0].camera != kept
+    assert led.manager.commands.selection == Selection(bookmarks=[2])
+    led.tell(WindowInput(rank=0, commands=[{"kind": "recall", "value": "2"}]))
+    led.tick(0.1)
+    np.testing.assert_allclose(led.manager.events[0].camera.position, kept.position, atol=1e-9)
 
 
 def test_changes_of_the_configuration_are_made_once_and_taken_back(plan: Plan) -> None:

@@ -20,15 +20,15 @@ export class Choices {
     this.#box.hidden = names.length < 2 - own.length;
     this.#list.replaceChildren(...own, ...names.map((name) => new Option(name, name)));
     this.#shown = own.length ? "" : shown;
-    if (!this.#asked) this.#list.value = this.#shown;
+    this.#list.value = this.#asked || this.#shown;
   }
 
   // What came of a request; another one's is left alone.
   answer({ id, refused }) {
     if (id !== ID) return;
     this.#say(refused ? `${this.#asked}: refused. ${refused}` : "");
-    if (refused) this.#list.value = this.#shown;
     this.#asked = "";
+    if (refused) this.#list.value = this.#shown;
     this.#list.disabled = false;
     clearTimeout(this.#later);
     if (refused) this.#later = setTimeout(() => this.#say(""), SAID_MS);

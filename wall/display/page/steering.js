@@ -142,6 +142,7 @@ export class Steering {
   #key(e) {
     this.#surface.classList.remove("by-pointer");
     if (e.ctrlKey || e.metaKey || e.altKey || document.querySelector("dialog[open]") && e.key !== "h") return;
+    if (e.target.closest?.("select, input[type=text]")) return;  // all keys are its own
     const onControl = e.target.closest?.("button, input, a");
     const onScroll = e.target.closest?.(".scroll");
     if (e.key in ARROWS && !onScroll && e.target.type !== "radio" && e.target.type !== "range") this.#arrow(e);

@@ -73,9 +73,10 @@ def splat(store, weight, count, bounds, tiles, sums, irradiance, band):
         w11 = fx * fy * w
         w10 = fy * w - w11
         w01 = fx * w - w11
+        w00 = max(w - w01 - w10 - w11, ZERO)  # it may be rounded below
         at = i * row + j * uint32(4)
         if band is None or highest <= i < lowest:
-            add_two(flat, at, red, green, blue, w - w01 - w10 - w11, w01)
+            add_two(flat, at, red, green, blue, w00, w01)
         if band is None or highest <= i + uint32(1) < lowest:
             add_two(flat, at + row, red, green, blue, w10, w11)
 
