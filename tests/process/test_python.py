@@ -70,6 +70,19 @@ def test_the_notebook_runs_a_wall_and_leaves_nothing(tmp_path: Path) -> None:
         running.image()
 
 
+def test_a_wall_that_is_stopped_while_it_changes_ends_in_order(tmp_path: Path) -> None:
+    """It loads another file though its own page may be framed, and says so while it is told to end."""
+    config, other = write_config(tmp_path), tmp_path / "other.yaml"
+    other.write_text(config.read_text().replace("refresh_hz: 30", "refresh_hz: 20"))
+    running = wall.run(config, out=tmp_path / "out")
+    with running.client() as client:
+        client.load(other)
+        client.edit("views.0.sampling.method=framed")
+        client.edit("views.0.refresh_hz=25")
+    assert running.stop()["ended"] == "terminated"
+    assert not (tmp_path / "out" / "control.json").exists()
+
+
 def test_a_wall_ends_with_a_process_that_is_killed(tmp_path: Path) -> None:
     child, temporary = [sys.executable, "-c", KILLED, str(write_config(tmp_path))], tmp_path / "temporary"
     temporary.mkdir()

@@ -54,13 +54,16 @@ def _run(order: dict[str, Any], tell_to: TextIO) -> None:
     record = None if order["record"] is None else Path(order["record"])
     options = launch.Options(out=Path(order["out"]), seconds=order["seconds"], still=order["still"], record=record)
 
+    runs = threading.Event()
+
     def say(line: str) -> None:
         _tell(tell_to, "said", line)
-        if select.select([0], [], [], 0.0)[0]:  # nothing more is written there: it is closed
+        if not runs.is_set() and select.select([0], [], [], 0.0)[0]:  # nothing more is written there: it is closed
             _clean(order)
             os._exit(1)
 
     def opened(address: str) -> None:
+        runs.set()  # from now on it ends in order
         threading.Thread(target=_end_when_closed, name="standard input", daemon=True).start()
         _tell(tell_to, "page", address)
 
