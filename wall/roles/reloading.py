@@ -16,10 +16,10 @@ from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from wall.compositing.graph import Step
+from wall.config.framed_page import with_page
 from wall.config.graph import SinkNode
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError, EditError
-from wall.core.fields import Model
 from wall.geometry.panels import Panel
 from wall.packets.control import Adopt, EditAnswer, EditRequest, Heartbeat, Prepare, Prepared
 from wall.roles.config_edits import edited, text_of
@@ -282,6 +282,11 @@ def _same_request(one: Asked, other: Asked) -> bool:
     return (one.client, one.request) == (other.client, other.request) != (0, 0)
 
 
+def as_run(old: Layout, loaded: Loaded) -> Loaded:
+    """A configuration as a run of `old` takes it: its page may be framed if who started the run wants that."""
+    return with_page(loaded) if old.config.output.browser.embed else loaded
+
+
 def check_fits(old: Layout, new: Layout) -> None:
     """Refuse what processes and displays that are there already cannot become. Raises ConfigError."""
     loaded = new.loaded
@@ -293,7 +298,7 @@ def check_fits(old: Layout, new: Layout) -> None:
             f"{loaded.name}: wants {wants}; this run has {old.graph.compositors} and {own}, and keeps them"
         )
     for name in ("transport", "output"):
-        if _kept(old, name) != _kept(new, name):
+        if getattr(old.config, name) != getattr(new.config, name):
             raise loaded.error((name,), "differs from that of the run, which keeps it", "the same, or a new run")
     screens = [[(panel.id, panel.pixels, panel.span) for panel in each.wall.panels] for each in (old, new)]
     if screens[0] != screens[1]:
@@ -308,15 +313,6 @@ def check_fits(old: Layout, new: Layout) -> None:
         raise loaded.error(("graph",), why, "balance: true, or that they leave first")
     if old.graph.hosts != new.graph.hosts:
         raise loaded.error(("wall",), "wants other hosts than this run", "the same hosts")
-
-
-def _kept(layout: Layout, name: str) -> Model:
-    """A part of the configuration that a run keeps. Whether pages may be framed, who has started the run decides."""
-    config = layout.config
-    if name != "output":
-        return config.transport
-    browser = config.output.browser.model_copy(update={"embed": False})
-    return config.output.model_copy(update={"browser": browser})
 
 
 def _sink(step: Step) -> tuple[str, str, tuple[int, ...]]:

@@ -12,7 +12,7 @@ from wall.core.errors import ConfigError, EditError
 from wall.display.base import Offers
 from wall.roles.config_edits import text_of
 from wall.roles.plan import Layout, make_layout
-from wall.roles.reloading import check_fits
+from wall.roles.reloading import as_run, check_fits
 from wall.scene.sources import BUILT_IN
 
 CONFIGURATIONS, MODELS = (".yaml", ".yml"), (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -49,7 +49,7 @@ class Choices:
     def _fits(self, path: Path) -> bool:
         with suppress(OSError, ConfigError):
             if path.is_file() and path.stat().st_size <= MOST_BYTES:
-                check_fits(self._layout, make_layout(load(path)))
+                check_fits(self._layout, make_layout(as_run(self._layout, load(path))))
                 return True
         return False
 

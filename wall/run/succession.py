@@ -15,7 +15,7 @@ from wall.packets.control import Adopt, Prepare, Prepared
 from wall.roles.instructions import Changed, PlanMade, Role
 from wall.roles.joining import grown
 from wall.roles.plan import Plan, check_files, make_layout, make_plan, reconstructed_at_renderers
-from wall.roles.reloading import check_fits
+from wall.roles.reloading import as_run, check_fits
 from wall.run.tracers import Tracers
 from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -59,7 +59,8 @@ class Preparer:
         scene: TracerScene | None = None
         refused = ""
         try:
-            layout = make_layout(loads(wanted.text, name=wanted.path, path=Path(wanted.path)))
+            loaded = loads(wanted.text, name=wanted.path, path=Path(wanted.path))
+            layout = make_layout(as_run(self._plan.layout, loaded))
             check_fits(self._plan.layout, layout)
             check_files(layout)
             layout = grown(reconstructed_at_renderers(layout, self.machines), self._plan.layout.extra)

@@ -16,8 +16,8 @@ import threading
 from pathlib import Path
 from typing import Any, TextIO
 
-from wall.config.graph import PresetGraph
-from wall.config.loading import Loaded, loads
+from wall.config.framed_page import with_page
+from wall.config.loading import loads
 from wall.core.errors import ConfigError, WallError
 from wall.run import launch
 
@@ -37,16 +37,6 @@ def main() -> None:
         _tell(tell_to, "failed", str(error))
     finally:
         _clean(order)
-
-
-def with_page(loaded: Loaded) -> Loaded:
-    """The same wall with a page that may be shown in a frame; graphs of nodes have one if they say so."""
-    config = loaded.config
-    browser = config.output.browser.model_copy(update={"embed": True})
-    changes: dict[str, Any] = {"output": config.output.model_copy(update={"browser": browser})}
-    if isinstance(config.graph, PresetGraph) and "browser" not in config.graph.sinks:
-        changes["graph"] = config.graph.model_copy(update={"sinks": (*config.graph.sinks, "browser")})
-    return loaded.with_config(config.model_copy(update=changes))
 
 
 def _run(order: dict[str, Any], tell_to: TextIO) -> None:
