@@ -22,7 +22,7 @@ def fitted(loaded: Loaded, cores: int) -> tuple[Loaded, str]:
     across, down = _fewer(grid.pixels, cores / panels)
     said = (
         f"{cores} cores for {panels} panels: each has {across}x{down} pixels, not {grid.pixels[0]}x{grid.pixels[1]}; "
-        "--config FILE runs a wall as it is"
+        "wall run CONFIG runs a wall as it is"
     )
     return with_share(loaded, cores / panels), said
 

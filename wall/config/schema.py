@@ -31,6 +31,8 @@ def _checked_range(text: str) -> str:
     numbers = first.isascii() and first.isdecimal() and last.isascii() and last.isdecimal()
     if not numbers or len(text) > 11 or not 1 <= int(first) <= int(last) <= LARGEST_PORT:
         raise refusal("is no range of ports", accepted=f"first-last, such as 9000-9100, from 1 to {LARGEST_PORT}")
+    if first == last:
+        raise refusal("is one port", accepted="two or more: the head listens on two")
     return text
 
 
@@ -194,6 +196,13 @@ class OutputConfig(Model):
     record_hz: Annotated[Number, Ge(0.01), Le(240.0)] = Field(
         default=10.0, description="images a second that the recorder keeps"
     )
+
+    @model_validator(mode="after")
+    def _apart(self) -> OutputConfig:
+        if self.metrics and self.metrics == self.browser.port:
+            accepted = "another port, 0: any free one, or none: the page serves /metrics too"
+            raise refusal("is the port of the page", accepted=accepted, at=("metrics",))
+        return self
 
 
 class Config(Model):

@@ -29,7 +29,7 @@ def check_wall(loaded: Loaded, wall: Wall) -> tuple[str, ...]:
 
     Raises ConfigError with all that is wrong: panels that cover each other without saying so, eyes behind panels.
     """
-    problems = list(_undeclared(loaded, wall))
+    problems = [*_undeclared(loaded, wall), *_on_one_monitor(loaded, wall)]
     for view in range(len(loaded.config.views)):
         try:
             standing_eye(loaded, wall.of_view(view), view)
@@ -52,6 +52,20 @@ def _undeclared(loaded: Loaded, wall: Wall) -> Iterator[str]:
         yield str(loaded.error(panel_path(loaded, second), message, accepted))
     if len(wrong) > REFUSED:
         yield f"{loaded.name}: {len(wrong) - REFUSED} more pairs of panels cover each other"
+
+
+def _on_one_monitor(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    """Windows without a place of their own fill their monitor: one would hide the other."""
+    first: dict[tuple[object, ...], str] = {}
+    for panel in wall.panels:
+        shown = panel.config
+        if shown.monitor is None or shown.window is not None:
+            continue
+        other = first.setdefault((shown.host, shown.display, shown.monitor), panel.id)
+        if other != panel.id:
+            came = f"monitor {shown.monitor} shows panel {other}, and {panel.id} would cover it"
+            accepted = "a monitor, display or host of its own, or `window` of both: the part that each takes"
+            yield str(loaded.error(panel_path(loaded, panel), came, accepted))
 
 
 def _declared(overlap: Overlap) -> str:

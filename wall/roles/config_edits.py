@@ -21,6 +21,7 @@ from wall.geometry.expanding import expanded_config
 
 Step: TypeAlias = str | int
 PANELS = ["wall", "panels"]
+KINDS = ("method", "type")  # keys that say which others there are
 MOST_NAMED = 8  # entries that a refusal names
 
 _CHANGE = re.compile(r"([^=]*?)(\+=|-=|=)(.*)", re.DOTALL)
@@ -34,15 +35,21 @@ def text_of(config: Config) -> str:
 def edited(config: Config, changes: Sequence[Any]) -> str:
     """The whole configuration after these changes, as JSON. Raises EditError; it is not checked beyond that.
 
-    A grid's panels are written one by one where a change names one.
+    A grid's panels are written one by one where a change names one. What becomes of another kind keeps the keys that
+    were written, and not those that it had by default.
     """
     values = config.model_dump(mode="json", exclude_none=True)
+    written = config.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     parsed = [_parsed(change) for change in changes]
     if config.wall.grid is not None and any(path[:2] == PANELS for path, _, _ in parsed):
         values["wall"] = expanded_config(config.wall).model_dump(mode="json", exclude_none=True)
     for (path, how, value), change in zip(parsed, changes, strict=True):
         try:
             parent = _at(values, path[:-1])
+            if how == "=" and path[-1] in KINDS and isinstance(parent, dict):
+                kept = _found(written, path[:-1])
+                for key in [key for key in parent if key not in kept]:
+                    del parent[key]
             _CHANGERS[how](parent, _key(parent, path[-1], new=how != "-="), value)
         except EditError as error:
             raise EditError(f"{change}: {error}") from None
@@ -74,6 +81,16 @@ def _at(values: Any, path: Sequence[str]) -> Any:
         if isinstance(values, dict):
             values.setdefault(key, {})
         values = values[key]
+    return values
+
+
+def _found(values: Any, path: Sequence[str]) -> Any:
+    """What stands at a path; nothing where nothing does."""
+    try:
+        for step in path:
+            values = values[_key(values, step, new=False)]
+    except EditError:
+        return {}
     return values
 
 

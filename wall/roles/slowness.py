@@ -18,11 +18,13 @@ def why_slow(layout: Layout, beats: Mapping[int, Heartbeat]) -> str:
     Making images comes first: tracing more samples helps nobody who sees three images a second.
     """
     known = {rank: beat for rank, beat in beats.items() if beat.seconds >= SETTLED_S}
+    if known and all(beat.complete for beat in known.values()):
+        return ""  # images that have all their samples are not made again
     paces = {rank: pace for rank, beat in known.items() if (pace := _pace(layout, rank, beat)) is not None}
     if paces and paces[slowest := min(paces, key=lambda rank: paces[rank])] < LEAST_PACE:
         made, wanted = known[slowest].refreshes_per_s, _wanted(layout, slowest)
         return (
-            f"{_name(layout, slowest)} makes {made:.3g} of {wanted:.3g} images a second. "
+            f"{_name(layout, slowest)} makes {made:.3g} of {wanted:.3g} images a second{_of_views(layout, slowest)}. "
             f"Lower: pixels, refresh_hz{_or_spread(layout, slowest)}."
         )
     late = {rank: beat.right_s for rank, beat in known.items() if beat.right_s > PROMPT_S}
@@ -40,6 +42,8 @@ def why_slow(layout: Layout, beats: Mapping[int, Heartbeat]) -> str:
     if layout.role(slowest) != "renderer":
         return ""
     rate = known[slowest].samples_per_s / _pixels(layout, slowest)
+    if rate == 0.0:  # it has ended what it was late with
+        return ""
     return (
         f"{_name(layout, slowest)} traces {rate:.2g} samples a pixel and second; its image is right after "
         f"{right_s:.2g} s. Lower: pixels a rank (more ranks, ranks_per_panel), lights, surfaces of paths."
@@ -51,6 +55,11 @@ def _name(layout: Layout, rank: int) -> str:
         return f"Rank {rank} ({layout.role(rank)})"
     regions = layout.regions_of(rank)
     return f"Rank {rank} ({layout.panel(regions[0]).id})" if regions else f"Rank {rank}"
+
+
+def _of_views(layout: Layout, rank: int) -> str:
+    count = len(_views(layout, rank))
+    return f" of {count} views" if count > 1 else ""
 
 
 def _views(layout: Layout, rank: int) -> tuple[int, ...]:

@@ -42,7 +42,7 @@ from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
 from wall.run.recording import begin_recording, check_unused
 from wall.run.same_files import check_same
-from wall.run.sinks import import_page
+from wall.run.sinks import check_page_files, import_page
 from wall.run.standby import Stand
 from wall.run.succession import Preparer
 from wall.run.turns import Turns
@@ -61,6 +61,8 @@ def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Ca
     """
     layout = make_layout(loaded)
     check_files(layout)
+    if mpi_rank() == HEAD:
+        check_page_files(layout)
     check_folder(options.out)
     with claimed(options.out) if mpi_rank() == HEAD else nullcontext():
         if options.record is not None and mpi_rank() == HEAD:

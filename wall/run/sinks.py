@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
 from wall.config.loading import Loaded
-from wall.core.errors import EditError
+from wall.core.errors import EditError, RunError
 from wall.display.base import Answer, Answers, LaysOut, Offers, Sink, Steered
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
@@ -21,7 +21,7 @@ from wall.packets.control import EditAnswer, EditRequest, WindowInput
 from wall.packets.json_body import MAX_COMMANDS
 from wall.roles.handed_samples import why_images
 from wall.roles.node_settings import zoomed_places
-from wall.roles.plan import Plan, window_panels
+from wall.roles.plan import Layout, Plan, window_panels
 from wall.run.choices import offer
 from wall.run.page_requests import request_of
 
@@ -110,6 +110,25 @@ def _access(loaded: Loaded, before: PageAt | None) -> Access:
         steer, watch = "", "" if page.watch_token is None else token_in(folder / page.watch_token)
     tls = None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key)
     return Access(page.tokens, steer, watch, tls)
+
+
+def check_page_files(layout: Layout) -> None:
+    """Read the files of the page's token and keys, before anything is loaded. Raises ConfigError."""
+    page, loaded = layout.config.output.browser, layout.loaded
+    if page.watch_token is None and page.tls is None:
+        return
+    from wall.display.gate import tls_of, token_in  # and aiohttp
+
+    key = "watch_token"
+    try:
+        if page.watch_token is not None:
+            token_in(loaded.folder / page.watch_token)
+        key = "tls"
+        if page.tls is not None:
+            tls_of((loaded.folder / page.tls.certificate, loaded.folder / page.tls.key))
+    except RunError as error:
+        why = str(error).removeprefix(f"output.browser.{key}: ")
+        raise loaded.error(("output", "browser", key), why) from error
 
 
 def _windows(plan: Plan, rank: int) -> WindowSink | None:

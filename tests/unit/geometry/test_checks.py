@@ -95,6 +95,15 @@ def test_overlap_wider_than_declared_is_refused_with_both_widths() -> None:
     assert "share 0.05 x 0.3 m (5 x 30 of b's pixels), and declare 0.03 m side by side, 0 m above each other" in said
 
 
+def test_two_panels_that_fill_the_same_monitor_are_refused() -> None:
+    part = ", display: ':0', monitor: HDMI-1, window: {width: 40, height: 30}"
+    full = ", display: ':0', monitor: HDMI-1"
+    [said] = refusal(panels(("a", 0.0, full), ("b", 0.4, full)))
+    assert said.startswith("a.yaml:7:7: wall.panels[1]: monitor HDMI-1 shows panel a, and b would cover it; accepted: ")
+    checked(panels(("a", 0.0, full), ("b", 0.4, part)))
+    checked(panels(("a", 0.0, full + ", host: left"), ("b", 0.4, full + ", host: right")))
+
+
 def test_many_covered_panels_are_not_told_one_by_one() -> None:
     said = refusal(panels(*((f"p{k}", 0.0, "") for k in range(5))))
 

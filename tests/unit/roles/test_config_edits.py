@@ -35,6 +35,17 @@ def test_without_a_change_it_is_the_same_configuration(config: Config) -> None:
     assert changed(config) == config
 
 
+def test_another_kind_brings_its_own_defaults_and_keeps_what_was_written(config: Config) -> None:
+    framed = changed(config, "sampling.method=framed").sampling
+    assert (framed.method, framed.samples_per_batch) == ("framed", 4096)
+    text = TEXT + "sampling: {method: adaptive, seed: 7, samples_per_batch: 1024}\n"
+    hilbert = changed(loads(text).config, "sampling.method=hilbert").sampling
+    assert (hilbert.method, hilbert.seed, hilbert.samples_per_batch) == ("hilbert", 7, 1024)
+    own = changed(config, "views.main.sampling={method: adaptive}", "views.main.sampling.method=framed")
+    assert own.views[0].sampling is not None
+    assert own.views[0].sampling.method == "framed"
+
+
 def test_models_come_and_go(config: Config) -> None:
     two = changed(config, "scene.source+=bunny.glb")
     assert two.scene.source == ("courtyard", "bunny.glb")

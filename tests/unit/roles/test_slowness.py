@@ -52,3 +52,14 @@ def test_a_renderer_that_makes_its_own_images_too_slowly_is_named(layout: Layout
     assert why_slow(placed, slow).startswith("Rank 2 (r0c1) makes 6 of 30 images a second.")
     slow[2] = Heartbeat(rank=2, time=9.0, seconds=1.0, refreshes_per_s=6.0)
     assert why_slow(placed, slow) == "", "it has only begun"
+
+
+def test_what_rests_is_not_slow(layout: Layout) -> None:
+    """At rest nothing is traced, and images are not made again."""
+    placed = reconstructed_at_renderers(layout, ["here"] * layout.size)
+    late = {rank: Heartbeat(rank=rank, time=9.0, seconds=9.0, refreshes_per_s=30.0, right_s=3.0) for rank in (1, 2)}
+    assert why_slow(placed, late) == "", "no rank traces anything"
+    resting = {rank: Heartbeat(rank=rank, time=9.0, seconds=9.0, complete=True, refreshes_per_s=4.0) for rank in (1, 2)}
+    assert why_slow(placed, resting) == ""
+    resting[2] = Heartbeat(rank=2, time=9.0, seconds=9.0, refreshes_per_s=4.0)
+    assert why_slow(placed, resting).startswith("Rank 1 (r0c0) makes 4 of 30 images a second. ")

@@ -138,9 +138,13 @@ def equal_table(rows: Sequence[Row]) -> Table:
     """How much faster framed must be; only where every method has a rate."""
     found = equal_error(rows) if rows[0].clock == "virtual" else []
     lines = tuple(
-        (spending_text(m.spending, "virtual"), m.scene, f"{m.factor:.1f}", "extrapolated" if m.beyond else "")
+        (
+            spending_text(m.spending, "virtual"), m.scene,
+            f"{m.factor:.1f}" if math.isfinite(m.factor) else "no rate near those measured",
+            "extrapolated" if m.beyond and math.isfinite(m.factor) else "",
+        )
         for m in found
-    )
+    )  # fmt: skip
     title = "How many times faster framed must be for equal error"
     return Table(title=title, columns=("adaptive at", "scene", "times", ""), lines=lines, text=(0, 1, 3))
 
