@@ -300,15 +300,15 @@ def _instances(
 
     numbers : of meshes, with their units; poses : (n, 4, 4) by frames that place their meshes many times
     """
+    firsts: dict[str, str] = {}  # by frames that the file gives no name: their first mesh's
     for node in loaded.graph.nodes_geometry:
         matrix, geometry = loaded.graph[node]
         if geometry not in numbers:
             continue
         number, unit = numbers[geometry]
         part = loaded.geometry[geometry].metadata.get("from_gltf_primitive")  # one of a node's several meshes
-        unnamed = str(node).isdigit() or part
-        name = str(geometry if unnamed else node)
         frame = str(loaded.graph.transforms.parents[node] if part else node)
+        name = firsts.setdefault(frame, str(geometry)) if frame.isdigit() else frame  # all parts are one object
         placements = np.array(matrix, np.float64) @ poses.get(frame, np.eye(4)[None])
         good = [bool(np.isfinite(each).all()) and not _flat(each[:3, :3]) for each in placements]
         if not all(good):

@@ -354,3 +354,17 @@ def test_a_camera_that_the_file_does_not_have_is_refused(tmp_path: Path) -> None
         viewed(tmp_path, "{name: sied}")
     with pytest.raises(ConfigError, match="one of name, position"):
         viewed(tmp_path, "{name: side, position: [0, 0, 1], target: [0, 0, 0]}")
+
+
+@pytest.mark.parametrize("name", ["truck", None])
+def test_all_meshes_of_a_node_are_one_object(tmp_path: Path, name: str | None) -> None:
+    """Else whoever moves it would tear its windows off."""
+    found = document([{"name": "paint"}, {"name": "glass"}, {"name": "tyre"}])
+    body, window, wheel = (mesh["primitives"][0] for mesh in found["meshes"])
+    found["meshes"] = [{"name": "body", "primitives": [body, window]}, {"name": "wheel", "primitives": [wheel]}]
+    found["nodes"] = [{"mesh": 0, "children": [1]} | ({"name": name} if name else {}), {"mesh": 1, "name": "wheel 0"}]
+    found["scenes"] = [{"nodes": [0]}]
+    source = loaded(tmp_path, found)
+    names = [instance.name for instance in source.instances]
+    assert sorted(names) == sorted([name or "body", name or "body", "wheel 0"])
+    assert len({instance.mesh for instance in source.instances}) == 3
