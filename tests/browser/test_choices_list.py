@@ -43,3 +43,25 @@ def test_a_choice_is_sent_as_its_file_and_a_refusal_told(page, source, tmp_path)
     eventually(page, lambda: source.received[-1]["kind"] == "load" and source.received[-1] is not asked, "another one")
     source.sink.answer(source.received[-1]["id"], Answer(edit=3))
     page.wait_for_function("() => document.getElementById('choice-words').hidden")
+
+
+def test_the_list_works_by_keys_and_shows_what_was_chosen(page, source, tmp_path):
+    """Its keys steer nothing. What is shown may be said before the answer comes."""
+    for name, scene in (("hall.yaml", "courtyard"), ("yard.yaml", "spheres")):
+        (tmp_path / name).write_text(HALL.replace("courtyard", scene))
+    source.sink.offer(Choices(make_layout(load(tmp_path / "hall.yaml"))))
+    page.wait_for_selector("#choices:not([hidden])")
+    scenes = page.get_by_label("Scene")
+    scenes.focus()
+    page.keyboard.press("ArrowDown")
+    eventually(page, lambda: [c for c in source.received if c["kind"] == "load"], "the choice")
+    assert {c["kind"] for c in source.received} == {"load"}
+    asked = source.received[-1]
+    assert asked["path"] == str(tmp_path / "yard.yaml")
+    (tmp_path / "zoo.yaml").write_text(HALL)
+    source.sink.offer(Choices(make_layout(load(tmp_path / "yard.yaml"))))
+    page.wait_for_selector("#choice-list option[value='zoo.yaml']", state="attached")
+    assert scenes.input_value() == "yard.yaml"
+    source.sink.answer(asked["id"], Answer(edit=3))
+    page.wait_for_function("() => document.getElementById('choice-words').hidden")
+    assert (scenes.input_value(), scenes.is_disabled()) == ("yard.yaml", False)

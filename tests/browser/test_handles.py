@@ -122,6 +122,27 @@ def test_a_finger_drags_as_a_mouse_does(selected, source):
     assert {c["kind"] for c in source.received} == {"set"}
 
 
+def test_a_handle_is_seen_and_dragged_over_a_bezel(selected, source):
+    """Models are framed where four bezels meet."""
+    width, height = source.wall.width, source.wall.height
+    half, gap = width // 2, 150
+    rects = (0, 0, half - gap, height), (half + gap, 0, width - half - gap, height)
+    source.handles = Handles(places=tuple(place(width / 2 - 40.0, height / 2, rect) for rect in rects))
+    seen = """() => [...document.querySelectorAll('.handle.x .tip')].some((tip) => {
+        const box = tip.getBoundingClientRect(), x = box.x + box.width / 2, y = box.y + box.height / 2;
+        return document.elementFromPoint(x, y)?.closest('.handle.x');
+    })"""
+    there = "(x) => Math.abs(document.querySelector('.handles .middle')?.x1.baseVal.value - x) < 1"
+    selected.wait_for_function(there, arg=width / 2 - 40.0)
+    selected.wait_for_function(seen, timeout=5000)
+    x, y = tip(selected, "x")
+    selected.mouse.move(x, y)
+    selected.mouse.down()
+    selected.mouse.move(x + 30, y, steps=3)
+    selected.mouse.up()
+    eventually(selected, lambda: sets(source), "the drag moved it")
+
+
 def test_where_another_viewport_lies_over_it_a_handle_is_not(selected, source):
     """An inset of another view over the tip: what is beneath it is steered, not the handle."""
     (first, second), (x, y) = source.handles.places, tip(selected, "x")

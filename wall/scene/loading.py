@@ -11,7 +11,7 @@ import io
 import logging
 import struct
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from logging.handlers import MemoryHandler
@@ -300,23 +300,33 @@ def _instances(
 
     numbers : of meshes, with their units; poses : (n, 4, 4) by frames that place their meshes many times
     """
-    firsts: dict[str, str] = {}  # by frames that the file gives no name: their first mesh's
+    parents, names = loaded.graph.transforms.parents, dict[str, str]()  # names: by frames, the file's or a first mesh's
+    placed = []
     for node in loaded.graph.nodes_geometry:
         matrix, geometry = loaded.graph[node]
         if geometry not in numbers:
             continue
         number, unit = numbers[geometry]
         part = loaded.geometry[geometry].metadata.get("from_gltf_primitive")  # one of a node's several meshes
-        frame = str(loaded.graph.transforms.parents[node] if part else node)
-        name = firsts.setdefault(frame, str(geometry)) if frame.isdigit() else frame  # all parts are one object
+        frame = str(parents[node] if part else node)
+        name = names.setdefault(frame, str(geometry) if frame.isdigit() else frame)  # all parts are one object
         placements = np.array(matrix, np.float64) @ poses.get(frame, np.eye(4)[None])
         good = [bool(np.isfinite(each).all()) and not _flat(each[:3, :3]) for each in placements]
         if not all(good):
             notes.append(f"object {name!r}: its placement squashes it flat or is not finite; left out")
         placements[:, :3, :3] *= unit
         placements[:, 3] = 0.0, 0.0, 0.0, 1.0
-        for placement in placements[good]:
-            yield frame, Instance(name=name, mesh=number, world_from_object=placement)
+        placed += [(frame, name, number, placement) for placement in placements[good]]
+    for frame, name, number, placement in placed:
+        above = {names[other] for other in _above(parents, frame) if other in names} - {name}
+        yield frame, Instance(name=name, mesh=number, world_from_object=placement, parents=tuple(sorted(above)))
+
+
+def _above(parents: Mapping[str, str], frame: str) -> Iterator[str]:
+    """The frames that one is below of."""
+    while (above := parents.get(frame)) is not None:
+        frame = str(above)
+        yield frame
 
 
 def _flat(matrix: Float64) -> bool:

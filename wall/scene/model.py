@@ -119,6 +119,7 @@ class Instance:
     name: str
     mesh: int  # index in Scene.meshes
     world_from_object: Float64  # (4, 4), affine, at scene time 0 before animation
+    parents: tuple[str, ...] = ()  # names of objects that take it along where they are moved, turned or hidden
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,7 @@
-"""Objects that edits moved, turned or hid: `objects.NAME.offset`, `.rotation`, `.visible`. All of a name are one."""
+"""Objects that edits moved, turned or hid: `objects.NAME.offset`, `.rotation`, `.visible`. All of a name are one.
+
+What lies below an object in its file goes along with it.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +57,8 @@ class EditedObjects:
     def _named(self, name: str, instances: Sequence[Instance]) -> list[int]:
         if not self._rows:
             for row, instance in enumerate(instances):
-                self._rows.setdefault(instance.name, []).append(row)
+                for each in (instance.name, *instance.parents):
+                    self._rows.setdefault(each, []).append(row)
         return self._rows.get(name, [])
 
     def _middle(self, name: str, poses: Float64, meshes: Sequence[Mesh]) -> Float64:

@@ -183,7 +183,8 @@ def _environment(environment: Environment) -> Iterator[Parameter]:
 def _objects(scene: Scene) -> Iterator[Parameter]:
     """All objects of a name are one. Emitters on paths cannot be hidden: they are sampled as light, and would shine."""
     shine = {k for k, material in enumerate(scene.materials) if scene.path_depth and max(material.emission) > 0.0}
-    lamps = {instance.name for instance in scene.instances if scene.meshes[instance.mesh].material in shine}
+    found = [instance for instance in scene.instances if scene.meshes[instance.mesh].material in shine]
+    lamps = {name for instance in found for name in (instance.name, *instance.parents)}
     for name in dict.fromkeys(instance.name for instance in scene.instances):
         path, far = f"{OBJECTS}{name}", SCENES_AWAY * max(scene.radius, 1.0)
         yield Parameter(

@@ -368,3 +368,4 @@ def test_all_meshes_of_a_node_are_one_object(tmp_path: Path, name: str | None) -
     names = [instance.name for instance in source.instances]
     assert sorted(names) == sorted([name or "body", name or "body", "wheel 0"])
     assert len({instance.mesh for instance in source.instances}) == 3
+    assert [instance.parents for instance in source.instances if instance.name == "wheel 0"] == [(name or "body",)]

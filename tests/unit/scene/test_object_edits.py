@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,3 +75,16 @@ def test_four_quarters_are_no_turn_and_offsets_add(scene):
 def test_turns_are_counterclockwise_and_about_x_first(degrees, start, end):
     assert rotation_of(degrees) @ np.array(start, float) == pytest.approx(np.array(end, float), abs=1e-12)
     assert np.linalg.det(rotation_of((12.0, -34.0, 200.0))) == pytest.approx(1.0)
+
+
+def test_what_lies_below_an_object_goes_along(scene):
+    rows = [k for k, instance in enumerate(scene.instances) if instance.name == NAME]
+    other = next(k for k, instance in enumerate(scene.instances) if instance.name != NAME)
+    instances = tuple(replace(each, parents=(NAME,)) if k == other else each for k, each in enumerate(scene.instances))
+    built = replace(scene, instances=instances)
+    before = built.at(0.0).world_from_object.copy()
+    own = scene.instances[other].name
+    values = ((f"objects.{NAME}.offset", (1.0, 2.0, 3.0)), (f"objects.{own}.offset", (0.0, 0.0, 1.0)))
+    after = built.at(0.0, Edits(1, values)).world_from_object
+    assert (after - before)[rows, :3, 3] == pytest.approx(np.tile([1.0, 2.0, 3.0], (len(rows), 1)))
+    assert (after - before)[other, :3, 3] == pytest.approx([1.0, 2.0, 4.0])

@@ -58,7 +58,10 @@ export class Handles {
     const { places } = this.#said;
     const move = (e) => this.#move(e), end = () => this.#end();
     this.#groups = places.map((_, k) => new Group((axis, e) => this.#begin(k, axis, e), move, end));
-    const clips = places.map(({ rect }, k) => clip(`handles-${k}`, rect, places.slice(k + 1).map((p) => p.rect)));
+    const clips = places.map(({ view, rect }, k) => {
+      const others = places.filter((place, other) => place.view === view && other !== k).map((place) => place.rect);
+      return clip(`handles-${k}`, overBezels(rect, others), places.slice(k + 1).map((place) => place.rect));
+    });
     this.#groups.forEach((group, k) => group.element.setAttribute("clip-path", `url(#handles-${k})`));
     drawing.replaceChildren(...clips, ...this.#groups.map((group) => group.element));
   }
@@ -127,6 +130,18 @@ function clip(id, rect, over) {
   element.id = id;
   element.append(path);
   return element;
+}
+
+// A rectangle with half of the gaps to those beside, above and below it: handles are seen over bezels, too.
+function overBezels([x, y, width, height], others) {
+  const half = (gaps) => Math.min(...gaps.filter((gap) => gap >= 0), Infinity) / 2;
+  const beside = others.filter(([, top, , down]) => top < y + height && top + down > y);
+  const stacked = others.filter(([left, , across]) => left < x + width && left + across > x);
+  const [left, right, above, below] = [
+    half(beside.map(([at, , across]) => x - at - across)), half(beside.map(([at]) => at - x - width)),
+    half(stacked.map(([, at, , down]) => y - at - down)), half(stacked.map(([, at]) => at - y - height)),
+  ].map((gap) => (gap < Infinity ? gap : 0));
+  return [x - left, y - above, width + left + right, height + above + below];
 }
 
 // Width or height of what some rectangles span, whichever is less.
