@@ -2,7 +2,8 @@
 
 Panels in one plane that one eye sees are a face: they lie as they stand, at the pixel pitch of the finest of them.
 Faces stand side by side. Where panels of a face overlap without saying so, or leave most of it empty, each is a face
-of its own.
+of its own. So is each part of a cylinder or dome, as its image is; but parts whose pixels are as large as each other's
+lie as they stand on it, unrolled.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ PARALLEL = 1e-6  # sine: a hundredth of a pixel across 16,384 pixels
 SAME_PLANE = 0.01  # pixels behind or before it
 EMPTIEST = 4  # an image may be at most so many times as large as its panels
 TOUCHING = 0.5  # pixels that rounding may let neighbours share
+SAME_PITCH = 0.02  # share by which pixels of one surface may differ and still be drawn as large as each other
 ON_GRID = 0.01  # pixels: panels that stand so near to whole pixels of another's plane are put there
 
 
@@ -35,8 +37,14 @@ def place(panels: Sequence[Panel], *, regular: bool = False) -> Wall:
     screens: list[tuple[int, int]] = [(0, 0)] * len(panels)
     curved = [k for k, panel in enumerate(panels) if panel.surface is not None]
     faces.extend([k] for k in curved)
+    unrolled: list[list[int]] = []
     for sheet in _on_one_surface(panels, curved):
-        overlaps.extend(_overlaps(panels, sheet))
+        found = _overlaps(panels, sheet)
+        overlaps.extend(found)
+        if len(sheet) > 1 and not found and (corners := _unrolled(panels, sheet)):
+            unrolled.append(sheet)
+            for k, corner in zip(sheet, corners, strict=True):
+                screens[k] = corner
     for face in _in_one_plane(panels):
         found = _overlaps(panels, face)
         overlaps.extend(found)
@@ -50,7 +58,9 @@ def place(panels: Sequence[Panel], *, regular: bool = False) -> Wall:
                 screens[k] = corner
     faces.sort(key=lambda face: face[0])
     spans = _spans(panels, faces)
-    _side_by_side(panels, faces, screens, spans)
+    together = {k for sheet in unrolled for k in sheet}
+    apart = [face for face in faces if face[0] not in together]
+    _side_by_side(panels, sorted([*unrolled, *apart], key=min), screens, spans)
     planes = _shared_planes(panels, faces, screens)
     ends = [(x + w, y + h) for (x, y), (w, h) in zip(screens, spans, strict=True)]
     return Wall(
@@ -128,6 +138,16 @@ def _as_they_stand(panels: Sequence[Panel], face: list[int]) -> list[tuple[int, 
     finest = np.min([panels[k].pitch for k in face], axis=0)
     corners = np.rint(_rectangles(panels, face)[0] / finest)
     return [(int(x), int(y)) for x, y in corners - corners.min(axis=0)]
+
+
+def _unrolled(panels: Sequence[Panel], sheet: list[int]) -> list[tuple[int, int]]:
+    """Corners of the parts of a surface as they stand on it; none where that would not do."""
+    pitch = np.array([panels[k].lit_pitch for k in sheet])
+    if np.ptp(pitch, axis=0).max() > SAME_PITCH * pitch.min():
+        return []
+    corners = np.rint(_rectangles(panels, sheet)[0] / pitch[0]).astype(int)
+    found = [(int(x), int(y)) for x, y in corners - corners.min(axis=0)]
+    return [] if _crowded(panels, sheet, found, []) or _mostly_empty(panels, sheet, found) else found
 
 
 def _overlaps(panels: Sequence[Panel], face: list[int]) -> list[Overlap]:

@@ -253,3 +253,25 @@ def test_a_curved_wall_spelled_out_is_the_same_wall() -> None:
 def test_a_curved_panel_without_seats_is_refused() -> None:
     with pytest.raises(ConfigError, match="the eye's place is needed"):
         expand(loaded_of([panel(BENT)]).config.wall)
+
+
+def test_parts_of_a_cylinder_lie_unrolled_as_they_stand_on_it() -> None:
+    """Two rows of three, whose edges meet; of other pixels than each other's they lie side by side."""
+
+    def laid_out(pixels: int) -> list[tuple[int, int]]:
+        parts = [
+            f"{{id: r{row}c{k}, pixels: [{pixels if k == 2 else 160}, 90], surface: {{type: cylinder, radius: 2.0, "
+            f"angles: [{30 * k - 45}, {30 * k - 15}], heights: [{-0.6 * row}, {0.6 - 0.6 * row}]}}}}"
+            for row in range(2)
+            for k in range(3)
+        ]
+        text = "version: 1\nscene: {source: courtyard}\nwall: {panels: [" + ", ".join(parts) + "]}\n"
+        wall = wall_of(loads(text + "views: [{camera: auto, eye: [0, 0, 0]}]\n"))
+        assert len(wall.faces) == 6, "each has an image of its own"
+        return [panel.screen for panel in wall.panels]
+
+    rows = [y for _, y in laid_out(160)]
+    down = max(rows)
+    assert laid_out(160) == [(160 * k, y) for y in (0, down) for k in range(3)]
+    assert 88 <= down <= 93, "as high as a part, in pixels that are not quite square"
+    assert {y for _, y in laid_out(200)} == {0}
