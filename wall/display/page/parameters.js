@@ -150,6 +150,10 @@ class Row {
     const text = this.#parameter.kind === "choice" ? "" : unit && value.length === 1 ? `${numbers} ${unit}` : numbers;
     if (this.#shown.textContent !== text) this.#shown.textContent = text;
     this.#shown.title = `${numbers} ${unit}`;
+    this.#controls.forEach(({ input }, k) => {           // not where its thumb stands, but what it sets
+      const own = this.#controls.length === value.length ? short(value[k]) : numbers;
+      if (input.type === "range") input.setAttribute("aria-valuetext", `${own} ${unit}`.trim());
+    });
     this.#reset.disabled = value.every((x, k) => x === this.#parameter.default[k]);
   }
 }
@@ -183,6 +187,7 @@ function controlsOf(parameter, value, change) {
   if (kind === "choice") return [choice(name, parameter.choices, { of: (v) => v[0], to: (x) => change([x]) })];
   const one = { of: (v) => v[0], to: (x) => change([kind === "whole" ? Math.round(x) : x]) };
   if (!(name in SOFT) && parameter.high - parameter.low > WIDEST) return [stops(name, parameter.default[0], one, parameter.low)];
+  if (kind === "whole" && parameter.low === 0 && parameter.high === 1) return [tick(name, one)];
   const [low, high] = SOFT[name] ?? [parameter.low, parameter.high];
   return [slider(name, [low, high, kind === "whole" ? 1 : (high - low) / 960], one)];
 }
@@ -214,6 +219,13 @@ function slider(name, [low, high, step], { of, to }) {
   input.setAttribute("aria-label", name);
   input.oninput = () => to(input.valueAsNumber);
   return { input, take: (value) => { input.value = of(value); } };
+}
+
+function tick(name, { of, to }) {
+  const input = Object.assign(document.createElement("input"), { type: "checkbox" });
+  input.setAttribute("aria-label", name);
+  input.onchange = () => to(Number(input.checked));
+  return { input, take: (value) => { input.checked = Boolean(of(value)); } };
 }
 
 function choice(name, names, { of, to }) {
