@@ -75,10 +75,13 @@ def test_a_wall_that_is_stopped_while_it_changes_ends_in_order(tmp_path: Path) -
     config, other = write_config(tmp_path), tmp_path / "other.yaml"
     other.write_text(config.read_text().replace("refresh_hz: 30", "refresh_hz: 20"))
     running = wall.run(config, out=tmp_path / "out")
+    began = time.monotonic()
     with running.client() as client:
         client.load(other)
         client.edit("views.0.sampling.method=framed")
         client.edit("views.0.refresh_hz=25")
+    with urllib.request.urlopen(running.address + "status.json") as status:
+        assert json.load(status)["seconds"] > time.monotonic() - began - 1.0, "its time begins anew"
     assert running.stop()["ended"] == "terminated"
     assert not (tmp_path / "out" / "control.json").exists()
 

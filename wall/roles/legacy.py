@@ -40,7 +40,7 @@ class Legacy:
     number: int  # of the configuration; then
     text: str  # its text, "" of the first one
     path: str
-    died: tuple[str, ...]  # how heads have died, the first one first
+    restarts: Mapping[int, tuple[str, ...]]  # by rank: how those died in whose place another came, the first one first
 
 
 def legacy_of(manager: Manager, before: Legacy | None = None) -> Legacy:
@@ -64,7 +64,7 @@ def legacy_of(manager: Manager, before: Legacy | None = None) -> Legacy:
         number=plan.number,
         text=text,
         path=str(loaded.path) if plan.number else "",
-        died=tuple(manager.register.restarts.get(HEAD, ())),
+        restarts={rank: tuple(how) for rank, how in manager.register.restarts.items()},
     )
 
 
@@ -84,5 +84,6 @@ def inherit(manager: Manager, legacy: Legacy, how: str) -> None:
     for director in manager.directors:
         if (kept := legacy.views.get(director.name)) is not None:
             director.keep(kept)
-    manager.register.restarts[HEAD] = [*legacy.died, how]
-    manager.register.news.append(note_of(HEAD, "warning", f"{how}, and another head has taken its place"))
+    manager.register.restarts.update((rank, list(each)) for rank, each in legacy.restarts.items())
+    manager.register.restarts.setdefault(HEAD, []).append(how)
+    manager.register.news.append(note_of(HEAD, "warning", f"the head {how}, and another one has taken its place"))

@@ -181,6 +181,8 @@ class HeadProcess:
         )  # fmt: skip
         if standby is not None and before is not None:
             inherit(self._manager, before.legacy, standby.how)
+            if isinstance(loop.role, Compositor):
+                loop.role.began = before.legacy.began
         if log is not None:
             log.begin(began=began, display_delay_s=plan.view.display_delay_s)
 

@@ -191,6 +191,7 @@ def compositor_loop(
         compositor = make(plan)
         compositor.composition.begin_with(before.composition)
         compositor.standing.succeed(before.standing)
+        compositor.began = before.began
         return compositor, None
 
     return Loop(

@@ -24,6 +24,7 @@ def test_a_view_stays_as_its_users_have_made_it(plan: Plan) -> None:
     ]  # fmt: skip
     before.manager.editor.set([("sky.zenith", [0.9, 0.1, 0.1])])
     before.tell(WindowInput(rank=HEAD, commands=commands), after=1.0)
+    before.manager.register.restarts[1] = ["died (signal 11)"]
     (event,) = before.manager.events
     legacy = pickle.loads(pickle.dumps(legacy_of(before.manager)))  # as heads do
 
@@ -38,7 +39,7 @@ def test_a_view_stays_as_its_users_have_made_it(plan: Plan) -> None:
     assert now.edits.number > event.edits.number + NUMBERS_AHEAD // 2
     assert now.camera_event > event.camera_event + NUMBERS_AHEAD // 2
     assert now in [message for _, message in told]
-    assert after.manager.register.restarts == {HEAD: ["died (signal 9)"]}
+    assert after.manager.register.restarts == {1: ["died (signal 11)"], HEAD: ["died (signal 9)"]}
     after.tell(WindowInput(rank=HEAD, commands=[{"kind": "recall", "value": "2"}]), after=1.0)
     assert after.manager.events[0].camera != now.camera, "that was before the orbit"
     after.tell(after=25.0)
