@@ -87,12 +87,12 @@ def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.
     size : width and height of the image, pixels; the wall's height fills it. None: the wall's own size
     scale : factor on the pixels of both axes, without a `size`
 
-    Raises ConfigError for a `size` of panels that stand at angles, or are seen from several eyes.
+    Raises ConfigError for a `size` of another shape than the wall's image where its panels stand at angles, or are seen
+    from several eyes.
     """
     wall, found = layout.wall, layout.wall.whole()
     if found is None and size is not None:
-        why = "are seen from several eyes" if wall.flat else "stand at angles"
-        raise ConfigError(f"{layout.loaded.path}: --size needs a flat wall, and these panels {why}; leave it out")
+        scale, size = _scale_to(size, layout), None
     if found is None or (size is None and len(wall.faces) > 1):
         return [scaled(panel, scale) for panel in wall.panels]
     width, height = size or (max(1, round(scale * found.width)), max(1, round(scale * found.height)))
@@ -100,6 +100,19 @@ def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.
     left = found.width / 2 - per * width / 2
     plane = Plane(origin=own.origin + left * own.per_x, per_x=own.per_x * per, per_y=own.per_y * per)
     return [replace(wall.panels[0], pixels=(width, height), screen=(0, 0), plane=plane)]
+
+
+def _scale_to(size: tuple[int, int], layout: Layout) -> float:
+    """The factor on all pixels that makes the wall's image of that size."""
+    wall = layout.wall
+    scale = size[0] / wall.width
+    if abs(size[1] - scale * wall.height) > 1.0:
+        why = "are seen from several eyes" if wall.flat else "stand at angles"
+        raise ConfigError(
+            f"{layout.loaded.path}: --size {size[0]}x{size[1]}: these panels {why}, so all of them are shown, "
+            f"{wall.width}x{wall.height}; wanted: a size of that shape, such as {size[0]}x{round(scale * wall.height)}"
+        )
+    return scale
 
 
 def scaled(panel: Panel, scale: float) -> Panel:

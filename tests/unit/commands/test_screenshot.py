@@ -128,6 +128,13 @@ def test_each_panel_can_have_a_file_of_its_own(corner: Path, compiled_only: None
         np.testing.assert_allclose(read(one.path).mean(), image[:, x : x + one.width].mean(), rtol=1e-3)
 
 
+def test_panels_at_angles_are_all_rendered_at_a_size_of_their_shape(corner: Path, compiled_only: None) -> None:
+    [one] = shoot(corner, "half.png", size=(65, 38))
+    assert (one.width, one.height) == (65, 38)
+    whole = rendered(corner)
+    np.testing.assert_allclose(read(one.path).mean(), display_values(whole).mean(), rtol=0.05)
+
+
 def test_bezels_are_dark_where_they_are_asked_for(flat: Path, compiled_only: None) -> None:
     [one] = shoot(flat, "wall.png", bezels=True)
     plain = display_values(rendered(flat))
@@ -146,7 +153,7 @@ def test_bezels_are_dark_where_they_are_asked_for(flat: Path, compiled_only: Non
     [
         ("wall.jpg", {}, "cannot write '.jpg'"),
         ("none/wall.png", {}, "there is no folder"),
-        ("wall.png", {"size": (40, 30)}, "--size needs a flat wall"),
+        ("wall.png", {"size": (40, 30)}, "these panels stand at angles, .* 130x75; wanted: a size of that shape, such as 40x23"),
         ("wall.png", {"size": (40, 30), "panels": True}, "wanted --scale"),
     ],
 )
