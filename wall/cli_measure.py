@@ -76,7 +76,7 @@ def quality(
 
     [bold]wall measure quality --rates 400k --seeds 1[/]
     """
-    from wall.commands.progress import progress_bar
+    from wall.commands.progress import measuring
     from wall.study.quality import command
     from wall.study.quality.report import write_report
     from wall.study.quality.sweep import Wanted, sweep
@@ -95,7 +95,7 @@ def quality(
         refresh_hz=refresh_hz,
         seconds=seconds,
     )
-    with progress_bar("{task.description:<24}", show=errors.is_terminal) as update:
+    with measuring("{task.description:<24}") as update:
         rows = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
     for table in tables(rows):
         console.print(table.rich())
@@ -127,7 +127,7 @@ def live(
 
     [bold]wall measure live configs/demo.yaml --cores 2[/]
     """
-    from wall.commands.progress import progress_bar
+    from wall.commands.progress import measuring
     from wall.study.live import command
     from wall.study.live.sweep import Wanted, sweep
 
@@ -137,7 +137,7 @@ def live(
         seconds=seconds, warm_up_s=warm_up, moments=moments, spp=spp, display_delay_s=display_delay, out=out, keep=keep,
         rows=command.rows_of(rows),
     )  # fmt: skip
-    with progress_bar("{task.description:<40}", show=errors.is_terminal) as update:
+    with measuring("{task.description:<40}") as update:
         outcome = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
     for item in command.report(outcome, out):
         console.print(item)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from wall.commands.terminal import console, errors, fail, parse_size
+from wall.commands.terminal import console, fail, parse_size
 
 
 def peers(
@@ -32,7 +32,7 @@ def peers(
 
     [bold]wall measure peers configs/one_panel.yaml --cores 1,2[/]
     """
-    from wall.commands.progress import progress_bar
+    from wall.commands.progress import measuring
     from wall.study.live.command import cores_of
     from wall.study.peers import command
 
@@ -40,7 +40,7 @@ def peers(
     wanted = replace(
         wanted, cores=cores_of(cores), seconds=seconds, warm_up_s=warm_up, moments=moments, spp=spp, out=out
     )  # fmt: skip
-    with progress_bar("{task.description:<40}", show=errors.is_terminal) as update:
+    with measuring("{task.description:<40}") as update:
         outcome = command.sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
     for item in command.report(outcome, out):
         console.print(item)

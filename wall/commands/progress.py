@@ -17,12 +17,13 @@ from rich.text import Text
 
 from wall.commands.terminal import console, errors, si, spelled_out
 
+LINE_S = 10.0  # between lines of a measurement where no bar can be shown
 POLL_S = 0.2  # between looks at the cache of compiled kernels
 
 
 @contextmanager
 def progress_bar(
-    title: str = "{task.description}", *, count: str | None = None, show: bool = True
+    title: str = "{task.description}", *, count: str | None = None
 ) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error; yields a function that takes `completed=`, `total=`, `description=`.
 
@@ -30,13 +31,31 @@ def progress_bar(
     """
     counted = MofNCompleteColumn() if count is None else TextColumn(count, markup=False)
     columns = TextColumn(title, markup=False), BarColumn(), counted, TimeElapsedColumn(), TextColumn("left")
-    with Progress(*columns, TimeRemainingColumn(), console=errors, disable=not show) as bar:
+    with Progress(*columns, TimeRemainingColumn(), console=errors) as bar:
         task = bar.add_task("starting", total=None)
         try:
             yield lambda **values: bar.update(task, **values)
         except BaseException:
             bar.live.transient = True  # no half of a bar stays before the error
             raise
+
+
+@contextmanager
+def measuring(title: str) -> Iterator[Callable[..., None]]:
+    """A progress bar; where standard error is no terminal, a line now and then: measurements take hours."""
+    if errors.is_terminal:
+        with progress_bar(title) as advance:
+            yield advance
+        return
+    said = -LINE_S
+
+    def update(*, description: str, completed: int, total: int) -> None:
+        nonlocal said
+        if time.monotonic() - said >= LINE_S or completed == total:
+            said = time.monotonic()
+            errors.print(f"{completed} of {total}: {description}", soft_wrap=True)
+
+    yield update
 
 
 class StartProgress:

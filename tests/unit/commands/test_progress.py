@@ -34,3 +34,16 @@ def test_the_end_of_a_run_says_that_images_in_its_folder_are_of_an_older_one(tmp
     assert progress._without_images(tmp_path, 5.0) == ""
     os.utime(tmp_path / "panel-a.png", (1e9, 1e9))
     assert "older run" in progress._without_images(tmp_path, 5.0)
+
+
+def test_a_measurement_tells_how_far_it_is_where_no_bar_can_be_shown(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first, the last, and what comes LINE_S after the one before."""
+    now = [100.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with progress.measuring("") as update:
+        for done in (1, 2, 3, 4, 5):
+            update(description=f"orbit {done}", completed=done, total=5)
+            now[0] += 0.6 * progress.LINE_S
+    assert capsys.readouterr().err.splitlines() == ["1 of 5: orbit 1", "3 of 5: orbit 3", "5 of 5: orbit 5"]

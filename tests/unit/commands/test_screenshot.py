@@ -153,7 +153,7 @@ def test_bezels_are_dark_where_they_are_asked_for(flat: Path, compiled_only: Non
     [
         ("wall.jpg", {}, "cannot write '.jpg'"),
         ("none/wall.png", {}, "there is no folder"),
-        ("wall.png", {"size": (40, 30)}, "these panels stand at angles, .* 130x75; wanted: a size of that shape, such as 40x23"),
+        ("wall.png", {"size": (40, 30)}, "stand at angles, .* 130x75; wanted: .* such as 40x23"),
         ("wall.png", {"size": (40, 30), "panels": True}, "wanted --scale"),
     ],
 )
