@@ -20,9 +20,10 @@ def panel_regions(panel: Panel, ranks: int) -> tuple[Rect, ...]:
         raise ConfigError(f"panel {panel.id} ({size}): {ranks} ranks are too many; accepted: up to {whole.area}")
     rects = split(whole, ranks)
     if any(max(rect.width, rect.height) > MAX_EDGE for rect in rects):
+        needed = _ranks_needed(whole, ranks)
         raise ConfigError(
-            f"panel {panel.id} ({size}): with ranks: {ranks} a region is larger than {MAX_EDGE} "
-            f"pixels; accepted: {_ranks_needed(whole, ranks)} ranks for this panel, or more"
+            f"panel {panel.id} ({size}): with ranks: {ranks} a region is larger than {MAX_EDGE} pixels; accepted: "
+            f"{needed} ranks for this panel, or more, as of graph: {{ranks_per_panel: {needed}}}"
         )
     return rects
 
