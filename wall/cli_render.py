@@ -179,7 +179,9 @@ def screenshot(
         Path, typer.Option("-o", "--output", help="wall.png or .tiff (8-bit sRGB), .exr (linear float32)")
     ],
     scale: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Times more pixels each way than the wall has")] = 1.0,
-    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels instead; flat walls only")] = None,
+    size: Annotated[
+        str | None, typer.Option(help="WIDTHxHEIGHT in pixels instead; of the wall's shape if it is not flat")
+    ] = None,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 16,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
     at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,

@@ -24,7 +24,7 @@ from wall.core.errors import ConfigError, RunError
 from wall.display.film import read_film
 from wall.roles.plan import Plan
 from wall.roles.renderer_image import RendererImage, image_at
-from wall.run.cores import own_cores, share_of_cores, usable_cores
+from wall.run.cores import own_cores, quota, share_of_cores
 from wall.run.recording import file_of
 from wall.run.replay import open_recording, replay_batch
 from wall.tracing.tracer_scene import make_tracer_scene
@@ -99,7 +99,7 @@ def test_a_rank_is_replayed_with_the_cores_that_it_had(recording: Path, monkeypa
     monkeypatch.setattr("wall.run.replay.image_at", noting)
     opened = open_recording(recording)
     replay_batch(opened, make_tracer_scene(opened.plan.scene), 1, 0)
-    assert seen == [share_of_cores(10, [own_cores()] * 11, head=0, usable=usable_cores())]
+    assert seen == [share_of_cores(10, [own_cores()] * 11, head=0, limit=quota())]
 
 
 def test_a_film_of_a_run_has_the_images_of_its_moments(recording: Path, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from wall.reconstruction.choice import choose, why_not_on_gpu
 from wall.roles.edges import target_ranks
 from wall.roles.plan import Layout, Plan, check_files, make_layout, make_plan, why_not_at_renderer
 from wall.run.first_look import dark_views
-from wall.run.sinks import check_page_files
+from wall.run.sinks import check_page
 from wall.scene.build import Scene
 from wall.scene.sources import sources_of
 from wall.tracing.tracer_scene import make_tracer_scene
@@ -35,7 +35,7 @@ def check(loaded: Loaded, *, costs: bool = False) -> Iterator[str | Table]:
     """
     layout = make_layout(loaded)
     check_files(layout)
-    check_page_files(layout)
+    check_page(layout)
     plan = make_plan(layout)
     scene, wall = plan.scene, layout.wall
     sampling = layout.sampling_of(layout.region(layout.renderers()[0]).view)

@@ -14,6 +14,7 @@ from wall.packets.joining import JoinAnswer
 from wall.roles.instructions import End
 from wall.roles.plan import Plan
 from wall.run import control_file
+from wall.run.cores import usable_cores
 from wall.run.endings import EndSignals
 from wall.run.joined import Told, as_given
 from wall.run.launch import prepare
@@ -82,4 +83,6 @@ def _place(client: Client, public: str, say: Say, signals: EndSignals) -> tuple[
             return made[0], answer, made[1], made[2]
         signals.restore()
         told = Told(answer)
-        made = told, *prepare(told.layout(), say, headless=True)  # what viewers may choose comes later, see _load_rest
+        cores = 1.0 if socket.gethostname() in told.machines else usable_cores()
+        # what viewers may choose comes later, see _load_rest
+        made = told, *prepare(told.layout(), say, headless=True, cores=cores)

@@ -82,9 +82,9 @@ def image_size(panels: Iterable[Panel]) -> tuple[int, int]:
 
 
 def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.0) -> list[Panel]:
-    """The panels to render: one that covers the whole flat wall at the wanted size, else the wall's own panels.
+    """The panels to render: one that covers the whole flat wall at the wanted size, else the wall's own, scaled to it.
 
-    size : width and height of the image, pixels; the wall's height fills it. None: the wall's own size
+    size : width and height of the image, pixels; a flat wall's height fills it. None: the wall's own size
     scale : factor on the pixels of both axes, without a `size`
 
     Raises ConfigError for a `size` of another shape than the wall's image where its panels stand at angles, or are seen
@@ -106,7 +106,7 @@ def _scale_to(size: tuple[int, int], layout: Layout) -> float:
     """The factor on all pixels that makes the wall's image of that size."""
     wall = layout.wall
     scale = size[0] / wall.width
-    if abs(size[1] - scale * wall.height) > 1.0:
+    if size[1] != round(scale * wall.height):
         why = "are seen from several eyes" if wall.flat else "stand at angles"
         raise ConfigError(
             f"{layout.loaded.path}: --size {size[0]}x{size[1]}: these panels {why}, so all of them are shown, "
@@ -120,8 +120,8 @@ def scaled(panel: Panel, scale: float) -> Panel:
     if scale == 1.0:
         return panel
     (w, h), plane = panel.pixels, panel.plane
-    width, height = max(1, round(scale * w)), max(1, round(scale * h))
-    x, y = round(scale * panel.screen[0]), round(scale * panel.screen[1])
+    (left, top), (x, y) = panel.screen, (round(scale * each) for each in panel.screen)
+    width, height = max(1, round(scale * (left + w)) - x), max(1, round(scale * (top + h)) - y)
     per_x, per_y = plane.per_x * (w / width), plane.per_y * (h / height)
     origin = plane.point(*panel.screen) - x * per_x - y * per_y
     return replace(panel, pixels=(width, height), screen=(x, y), plane=Plane(origin=origin, per_x=per_x, per_y=per_y))

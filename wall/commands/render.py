@@ -34,7 +34,7 @@ def render(
     """Render the image at scene time `at`, seconds: (h, w, 3) float32 linear RGB at rank 0, None at other MPI ranks.
 
     A flat wall is rendered through its plane at `size` (width, height), its height filling the image; other walls
-    panel by panel at their own pixels. Raises ConfigError.
+    panel by panel, at pixels that make their image that large. Raises ConfigError.
     """
     found = render_layers(plan, spp=spp, seed=seed, at=at, size=size, progress=progress)
     return None if found is None else found["colour"]

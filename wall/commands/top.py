@@ -29,7 +29,7 @@ COLUMNS = (
     "rank", "role", "region", "host", "samples/s", "bytes/s", "oldest", "heard", "dropped", "memory", "cores",
 )  # fmt: skip
 LEFT_OUT = ("bytes/s", "dropped", "heard", "host", "memory", "role")  # on narrow terminals, the first first
-LOST = "lost"  # in place of the rates of a rank that is not heard of
+UNKNOWN = "–"  # in place of the rates of a rank that is not heard of
 STALE_S = 2.0  # an older sample is marked
 Status = Mapping[str, Any]  # of /status.json
 
@@ -151,7 +151,7 @@ def _table(now: Status, before: Status | None, width: int) -> Table:
     rows, styles = list[tuple[str, ...]](), list[str]()
     for rank, totals, then in zip(now["ranks"], now["totals"], earlier, strict=False):
         oldest = rank["oldest_sample_s"]
-        rates = (si(rank[each]) if rank["alive"] else LOST for each in ("samples_per_s", "bytes_per_s"))
+        rates = (si(rank[each]) if rank["alive"] else UNKNOWN for each in ("samples_per_s", "bytes_per_s"))
         cells = (
             str(rank["rank"]), rank["role"], rank["region"], totals["host"], *rates,
             "" if oldest is None else f"{oldest:.1f} s", f"{totals['silent_s']:.1f} s",

@@ -197,13 +197,6 @@ class OutputConfig(Model):
         default=10.0, description="images a second that the recorder keeps"
     )
 
-    @model_validator(mode="after")
-    def _apart(self) -> OutputConfig:
-        if self.metrics and self.metrics == self.browser.port:
-            accepted = "another port, 0: any free one, or none: the page serves /metrics too"
-            raise refusal("is the port of the page", accepted=accepted, at=("metrics",))
-        return self
-
 
 class Config(Model):
     """A wall, a scene, and how the one is shown on the other."""

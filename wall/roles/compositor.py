@@ -99,7 +99,7 @@ class Compositor:
         self._shown_at = -math.inf  # when a refresh was last
         self._complete, self._rests_since = False, math.inf  # what the manager was told; complete since then
         self._began: float | None = None
-        self.began: float | None = None  # the run, seconds of the head's clock; None: with this compositor
+        self.run_began: float | None = None  # the run, seconds of the head's clock; None: with this compositor
         files = (step.node for step in graph.sinks_on(hello.rank) if isinstance(step.node, SinkNode))
         self._shows_last = hello.rank == HEAD or any(node.kind in ("png", "recorder") for node in files)
         self._stop_at: float | None = None  # when this rank ends at the latest
@@ -183,7 +183,7 @@ class Compositor:
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Refresh what is due, send what others need, give signs of life."""
         self._began = now if self._began is None else self._began
-        self.began = now if self.began is None else self.began
+        self.run_began = now if self.run_began is None else self.run_began
         came, self._came = self._came, False
         yield from self.standing.on_tick(now)
         if self._stop_at is not None and (not came or now >= self._stop_at):
@@ -261,7 +261,7 @@ class Compositor:
                 oldest[layer.index] = max(0.0, now - beat.oldest_sample_at)
         status = status_of(
             self._plan, event, self._beats, self.standing.members, self.latency,
-            now=now, seconds=now - (now if self.began is None else self.began),
+            now=now, seconds=now - (now if self.run_began is None else self.run_began),
             refreshes_per_s=refreshes_per_s, oldest=oldest, gone=self._gone,
         )  # fmt: skip
         status = steered(status, self._states_under(event), [view.event for view in self._views], self._selection)

@@ -21,7 +21,7 @@ from wall.geometry.expanding import expanded_config
 
 Step: TypeAlias = str | int
 PANELS = ["wall", "panels"]
-KINDS = ("method", "type")  # keys that say which others there are
+KINDS = ("method", "op", "type")  # keys whose value decides which other keys there may be
 MOST_NAMED = 8  # entries that a refusal names
 
 _CHANGE = re.compile(r"([^=]*?)(\+=|-=|=)(.*)", re.DOTALL)
@@ -39,17 +39,22 @@ def edited(config: Config, changes: Sequence[Any]) -> str:
     were written, and not those that it had by default.
     """
     values = config.model_dump(mode="json", exclude_none=True)
-    written = config.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+    written = config.model_dump(mode="json", exclude_none=True, exclude_unset=True, exclude_defaults=True)
     parsed = [_parsed(change) for change in changes]
     if config.wall.grid is not None and any(path[:2] == PANELS for path, _, _ in parsed):
-        values["wall"] = expanded_config(config.wall).model_dump(mode="json", exclude_none=True)
+        expanded = expanded_config(config.wall)
+        values["wall"] = expanded.model_dump(mode="json", exclude_none=True)
+        written["wall"] = expanded.model_dump(mode="json", exclude_none=True, exclude_unset=True, exclude_defaults=True)
+    changed: list[list[str]] = []
     for (path, how, value), change in zip(parsed, changes, strict=True):
         try:
             parent = _at(values, path[:-1])
             if how == "=" and path[-1] in KINDS and isinstance(parent, dict):
-                kept = _found(written, path[:-1])
+                kept = {each[-1] for each in changed if each[:-1] == path[:-1]}
+                kept.update(_written(written, values, path[:-1]))
                 for key in [key for key in parent if key not in kept]:
                     del parent[key]
+            changed.append(path)
             _CHANGERS[how](parent, _key(parent, path[-1], new=how != "-="), value)
         except EditError as error:
             raise EditError(f"{change}: {error}") from None
@@ -84,14 +89,15 @@ def _at(values: Any, path: Sequence[str]) -> Any:
     return values
 
 
-def _found(values: Any, path: Sequence[str]) -> Any:
-    """What stands at a path; nothing where nothing does."""
-    try:
-        for step in path:
-            values = values[_key(values, step, new=False)]
-    except EditError:
-        return {}
-    return values
+def _written(written: Any, values: Any, path: Sequence[str]) -> Any:
+    """What was written at a path, which goes by the names that `values` has; nothing where nothing was."""
+    for step in path:
+        key = _key(values, step, new=False)
+        try:
+            values, written = values[key], written[key]
+        except (KeyError, IndexError, TypeError):
+            return {}
+    return written
 
 
 def _key(values: Any, step: str, *, new: bool) -> Step:

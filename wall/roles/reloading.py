@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 from wall.compositing.graph import Step
 from wall.config.framed_page import with_page
-from wall.config.graph import SinkNode
+from wall.config.graph import PresetGraph, SinkNode
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError, EditError
 from wall.geometry.panels import Panel
@@ -283,8 +283,14 @@ def _same_request(one: Asked, other: Asked) -> bool:
 
 
 def as_run(old: Layout, loaded: Loaded) -> Loaded:
-    """A configuration as a run of `old` takes it: its page may be framed if who started the run wants that."""
-    return with_page(loaded) if old.config.output.browser.embed else loaded
+    """A configuration as a run of `old` takes it: its page may be framed if that of the run may.
+
+    A script that runs a wall wants that, whatever its files say, and a page where a preset graph has none.
+    """
+    if not old.config.output.browser.embed:
+        return loaded
+    graph = old.config.graph
+    return with_page(loaded, sink=isinstance(graph, PresetGraph) and "browser" in graph.sinks)
 
 
 def check_fits(old: Layout, new: Layout) -> None:

@@ -27,7 +27,7 @@ def why_slow(layout: Layout, beats: Mapping[int, Heartbeat]) -> str:
             f"{_name(layout, slowest)} makes {made:.3g} of {wanted:.3g} images a second{_of_views(layout, slowest)}. "
             f"Lower: pixels, refresh_hz{_or_spread(layout, slowest)}."
         )
-    late = {rank: beat.right_s for rank, beat in known.items() if beat.right_s > PROMPT_S}
+    late = {rank: beat.right_s for rank, beat in known.items() if beat.right_s > PROMPT_S and _works(layout, beat)}
     if not late:
         return ""
     # samples that travel are judged where they are shown: of all renderers the one with the fewest a pixel is slow
@@ -42,12 +42,15 @@ def why_slow(layout: Layout, beats: Mapping[int, Heartbeat]) -> str:
     if layout.role(slowest) != "renderer":
         return ""
     rate = known[slowest].samples_per_s / _pixels(layout, slowest)
-    if rate == 0.0:  # it has ended what it was late with
-        return ""
     return (
         f"{_name(layout, slowest)} traces {rate:.2g} samples a pixel and second; its image is right after "
         f"{right_s:.2g} s. Lower: pixels a rank (more ranks, ranks_per_panel), lights, surfaces of paths."
     )
+
+
+def _works(layout: Layout, beat: Heartbeat) -> bool:
+    """Not a renderer at rest: it has ended what it was late with."""
+    return layout.role(beat.rank) != "renderer" or beat.samples_per_s > 0.0
 
 
 def _name(layout: Layout, rank: int) -> str:

@@ -74,6 +74,11 @@ class Worker:
         self._rows = rows
         self._foreseen: tuple[int, int] | None = None  # number of the event under which rays went where it was expected
 
+    @property
+    def cpu_beside_s(self) -> float:
+        """CPU seconds so far of threads that traced for it beside its own."""
+        return self._tracer.cpu_beside_s
+
     def step(self, newest: Event) -> bytes | None:
         """Traces and encodes one batch at the newest event; returns the packet, or None without targets.
 

@@ -5,6 +5,7 @@ Kernel documentation: admin-guide/cgroup-v2 (cpu.max), scheduler/sched-bwc (cpu.
 
 from __future__ import annotations
 
+import math
 import os
 from collections import defaultdict
 from collections.abc import Collection, Sequence
@@ -15,7 +16,12 @@ HEAD_WEIGHT = 0.25  # of a head among processes that share a core: it shows what
 
 def usable_cores() -> float:
     """As many as this process may keep busy."""
-    return min([float(len(own_cores())), *(quota_of(*group) for group in groups_of_this_process())])
+    return min(float(len(own_cores())), quota())
+
+
+def quota() -> float:
+    """The cores that this process and others of its cgroups may keep busy together; infinite without a limit."""
+    return min((quota_of(*group) for group in groups_of_this_process()), default=math.inf)
 
 
 def own_cores() -> list[int]:
@@ -23,18 +29,19 @@ def own_cores() -> list[int]:
     return sorted(os.sched_getaffinity(0))
 
 
-def share_of_cores(own: int, processes: Sequence[Collection[int]], *, head: int | None, usable: float) -> float:
-    """How many cores this process has among those of its run on this machine: they share what several may run on.
+def share_of_cores(own: int, processes: Sequence[Collection[int]], *, head: int | None, limit: float) -> float:
+    """How many cores a process has among those of its run on this machine: they share what several may run on.
 
     own, head : which of them it is, and which is the head
     processes : of each the numbers of the cores that it may run on
-    usable : as many as this one may keep busy
+    limit : as many as all of them may keep busy together, see quota
     """
+    weights = [HEAD_WEIGHT if k == head else 1.0 for k in range(len(processes))]
     users: defaultdict[int, float] = defaultdict(float)
-    for k, cores in enumerate(processes):
+    for weight, cores in zip(weights, processes, strict=True):
         for core in cores:
-            users[core] += HEAD_WEIGHT if k == head else 1.0
-    return usable / len(processes[own]) * sum(1.0 / max(users[core], 1.0) for core in processes[own])
+            users[core] += weight
+    return min(sum(weights[own] / users[core] for core in processes[own]), limit * weights[own] / sum(weights))
 
 
 def groups_of_this_process(controller: str = "cpu", proc: Path = Path("/proc")) -> list[tuple[Path, int]]:

@@ -182,7 +182,7 @@ class HeadProcess:
         if standby is not None and before is not None:
             inherit(self._manager, before.legacy, standby.how)
             if isinstance(loop.role, Compositor):
-                loop.role.began = before.legacy.began
+                loop.role.run_began = before.legacy.began
         if log is not None:
             log.begin(began=began, display_delay_s=plan.view.display_delay_s)
 

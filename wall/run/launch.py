@@ -33,7 +33,7 @@ from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
 from wall.run.control_file import check_free, claimed
-from wall.run.cores import own_cores, share_of_cores, usable_cores
+from wall.run.cores import own_cores, quota, share_of_cores, usable_cores
 from wall.run.first_look import dark_views
 from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
@@ -42,7 +42,7 @@ from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
 from wall.run.recording import begin_recording, check_unused
 from wall.run.same_files import check_same
-from wall.run.sinks import check_page_files, import_page
+from wall.run.sinks import check_page, import_page
 from wall.run.standby import Stand
 from wall.run.succession import Preparer
 from wall.run.turns import Turns
@@ -62,7 +62,7 @@ def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Ca
     layout = make_layout(loaded)
     check_files(layout)
     if mpi_rank() == HEAD:
-        check_page_files(layout)
+        check_page(layout, headless=options.headless)
     check_folder(options.out)
     with claimed(options.out) if mpi_rank() == HEAD else nullcontext():
         if options.record is not None and mpi_rank() == HEAD:
@@ -88,7 +88,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
     machines = [""] * layout.size
     layout = reconstructed_at_renderers(layout, machines)
     ranks = range(layout.size)
-    cores = share_of_cores(layout.size - 1, [own_cores()] * layout.size, head=HEAD, usable=usable_cores())
+    cores = share_of_cores(layout.size - 1, [own_cores()] * layout.size, head=HEAD, limit=quota())
     plan, tracer_scene = prepare(layout, say, headless=options.headless, cores=cores, ranks=ranks)
     if options.record is not None:
         begin_recording(options.record, plan)
@@ -203,7 +203,7 @@ def _cores_of(rank: int, by_rank: Sequence[str], bound: Mapping[int, Sequence[in
     """The cores of this process; `bound`: numbers of those that each rank may run on, as its launcher says."""
     beside = _on(by_rank[rank], by_rank)
     head = beside.index(HEAD) if HEAD in beside else None
-    return share_of_cores(beside.index(rank), [bound[other] for other in beside], head=head, usable=usable_cores())
+    return share_of_cores(beside.index(rank), [bound[other] for other in beside], head=head, limit=quota())
 
 
 def _on(machine: str, by_rank: Sequence[str]) -> list[int]:

@@ -191,7 +191,7 @@ def compositor_loop(
         compositor = make(plan)
         compositor.composition.begin_with(before.composition)
         compositor.standing.succeed(before.standing)
-        compositor.began = before.began
+        compositor.run_began = before.run_began
         return compositor, None
 
     return Loop(

@@ -112,10 +112,15 @@ def _access(loaded: Loaded, before: PageAt | None) -> Access:
     return Access(page.tokens, steer, watch, tls)
 
 
-def check_page_files(layout: Layout) -> None:
-    """Read the files of the page's token and keys, before anything is loaded. Raises ConfigError."""
-    page, loaded = layout.config.output.browser, layout.loaded
-    if page.watch_token is None and page.tls is None:
+def check_page(layout: Layout, *, headless: bool = False) -> None:
+    """Refuse what a page or metrics could not be served with, before anything is loaded. Raises ConfigError."""
+    output, loaded = layout.config.output, layout.loaded
+    page, sinks = output.browser, (step.node for step in layout.graph.steps)
+    has_page = not headless and any(isinstance(node, SinkNode) and node.kind == "browser" for node in sinks)
+    if has_page and output.metrics and output.metrics == page.port:
+        accepted = "another port, 0: any free one, or none: the page serves /metrics too"
+        raise loaded.error(("output", "metrics"), "is the port of the page", accepted)
+    if (not has_page and output.metrics is None) or (page.watch_token is None and page.tls is None):
         return
     from wall.display.gate import tls_of, token_in  # and aiohttp
 

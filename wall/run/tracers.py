@@ -98,7 +98,7 @@ class Tracers:
 
     def _step(self, trace: Trace) -> Traced:
         worker, began, number = self.workers[trace.worker], self._clock.now(), next(self._numbers)
-        cpu_began = thread_time()
+        cpu_began = thread_time() + worker.cpu_beside_s
         for lost in trace.lost:
             worker.forget(decode(lost))
         try:
@@ -109,7 +109,7 @@ class Tracers:
             raise BatchError(self._failure(number, trace.event, error), number, trace.event) from error
         if self._traced is not None:
             self._traced(number, trace, traced)
-        cpu = thread_time() - cpu_began
+        cpu = thread_time() + worker.cpu_beside_s - cpu_began
         measured = worker.measure_tiles() if trace.measure else None
         return Traced(
             trace.worker, trace.event, traced, worker.work, measured, max(0.0, self._clock.now() - began), cpu

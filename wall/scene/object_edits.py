@@ -22,6 +22,8 @@ class EditedObjects:
 
     def __init__(self) -> None:
         self._rows: dict[str, list[int]] = {}  # of the instances, by name; filled with the first edit
+        self._below: dict[str, list[int]] = {}  # the same, and those below them
+        self._depths: dict[str, int] = {}  # by name: how many are above
         self._middles: dict[str, Float64] = {}  # by name, of those that were turned: (n, 4), in each one's own frame
 
     def apply(
@@ -35,31 +37,35 @@ class EditedObjects:
 
         poses : (at least as many as instances, 4, 4), world from object, changed; edits : Shading.objects
         """
-        for path, value in edits:
-            name, _, what = path.removeprefix(OBJECTS).rpartition(".")
-            own = self._named(name, instances)
+        self._look_at(instances)
+        named = [(*path.removeprefix(OBJECTS).rpartition(".")[::2], value) for path, value in edits]
+        for name, what, value in sorted(named, key=lambda each: self._depths.get(each[0], 0)):  # what is above, first
+            own, moved = self._rows.get(name, []), self._below.get(name, [])
             if what == OFFSET:
-                poses[own, :3, 3] += value
+                poses[moved, :3, 3] += value
             elif what == ROTATION:
                 middle = self._middle(name, poses[own], [meshes[instances[row].mesh] for row in own])
                 turn = rotation_of(value)
-                poses[own, :3, :3] = turn @ poses[own, :3, :3]
-                poses[own, :3, 3] = (poses[own, :3, 3] - middle) @ turn.T + middle
+                poses[moved, :3, :3] = turn @ poses[moved, :3, :3]
+                poses[moved, :3, 3] = (poses[moved, :3, 3] - middle) @ turn.T + middle
             elif value[0] == 0.0:
-                poses[own, :3, :3] = 0.0
+                poses[moved, :3, :3] = 0.0
 
     def rows(self, edits: Iterable[tuple[str, tuple[float, ...]]], instances: Sequence[Instance]) -> NDArray[np.intp]:
         """(m,) instances that edits are of."""
+        self._look_at(instances)
         names = {path.removeprefix(OBJECTS).rpartition(".")[0] for path, _ in edits}
-        found = [row for name in names for row in self._named(name, instances)]
-        return np.array(found, np.intp)
+        found = {row for name in names for row in self._below.get(name, [])}
+        return np.array(sorted(found), np.intp)
 
-    def _named(self, name: str, instances: Sequence[Instance]) -> list[int]:
-        if not self._rows:
-            for row, instance in enumerate(instances):
-                for each in (instance.name, *instance.parents):
-                    self._rows.setdefault(each, []).append(row)
-        return self._rows.get(name, [])
+    def _look_at(self, instances: Sequence[Instance]) -> None:
+        if self._rows:
+            return
+        for row, instance in enumerate(instances):
+            self._rows.setdefault(instance.name, []).append(row)
+            self._depths[instance.name] = max(self._depths.get(instance.name, 0), len(instance.parents))
+            for name in (instance.name, *instance.parents):
+                self._below.setdefault(name, []).append(row)
 
     def _middle(self, name: str, poses: Float64, meshes: Sequence[Mesh]) -> Float64:
         """(3,) world: the mean of the middles of their bounding boxes."""

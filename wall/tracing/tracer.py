@@ -7,6 +7,7 @@ rays: nothing is placed then, and each has packets and scratch of its own.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -117,7 +118,7 @@ def path_room(count: int, *, normals: bool = False) -> Paths:
 
 
 class Tracer:
-    """Traces for who has it. `set_event(event)` moves to a new event; `trace(xy)` gives samples under it."""
+    """Traces rays. `set_event(event)` moves to a new event; `trace(xy)` gives samples under it."""
 
     def __init__(
         self,
@@ -168,6 +169,7 @@ class Tracer:
         self._depth = tracer_scene.scene.path_depth
         primary_mask, cuts = EVERY_OBJECT if seen is None else SEEN, len(tracer_scene.scene.cuts)
         self._threads = Threads(threads)
+        self.cpu_beside_s = 0.0  # CPU seconds of the threads beside the caller's so far
         self.works = [workspace(coherent=coherent, primary_mask=primary_mask, cuts=cuts) for _ in range(threads)]
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._occlusion = _occlusion(tracer_scene.scene.occlusion)
@@ -268,9 +270,10 @@ class Tracer:
         """
         self._ray_frame = self._ray_frame._replace(footprint=float(footprint))  # of an int, numba compiles all again
         samples, numbers = np.zeros(len(xy), SAMPLE), self._numbers(xy, number)
-        free = list(range(self._threads.count))
+        free, beside = list(range(self._threads.count)), list[float]()
 
         def trace(first: int, last: int) -> Samples:
+            began = time.thread_time()
             thread, own = free.pop(), samples[first:last]
             arguments = self._arguments(xy[first:last], own, self.works[thread])
             if numbers is None:
@@ -279,11 +282,14 @@ class Tracer:
                 kept = trace_ambient(*arguments, self._paths(thread, numbers[first:last], depth), self._occlusion)
             else:
                 kept = trace_paths(*arguments, self._paths(thread, numbers[first:last], depth))
+            if first > 0:  # the caller's thread takes the first share
+                beside.append(time.thread_time() - began)
             return own[:kept]
 
         for work in self.works:
             work.counts[:] = 0
         parts = self._threads.share(len(xy), trace, unit=RAYS_A_THREAD)
+        self.cpu_beside_s += sum(beside)
         primary, shadow, secondary, bad = (sum(int(work.counts[k]) for work in self.works) for k in range(COUNTS))
         traced = Traced(primary=primary, shadow=shadow, secondary=secondary, bad=bad)
         return samples if bad == 0 else np.concatenate(parts), traced

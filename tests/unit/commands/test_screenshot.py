@@ -129,10 +129,14 @@ def test_each_panel_can_have_a_file_of_its_own(corner: Path, compiled_only: None
 
 
 def test_panels_at_angles_are_all_rendered_at_a_size_of_their_shape(corner: Path, compiled_only: None) -> None:
-    [one] = shoot(corner, "half.png", size=(65, 38))
-    assert (one.width, one.height) == (65, 38)
-    whole = rendered(corner)
-    np.testing.assert_allclose(read(one.path).mean(), display_values(whole).mean(), rtol=0.05)
+    whole = display_values(rendered(corner)).astype(float).mean()
+    for size in ((65, 38), (91, 52), (127, 73)):
+        [one] = shoot(corner, f"{size[0]}.png", size=size)
+        image = read(one.path).astype(float)
+        assert (one.width, one.height) == size
+        assert image.mean() == pytest.approx(whole, rel=0.05)
+        assert image.min(axis=(1, 2)).max() > 0
+        assert image.mean(axis=(0, 2)).min() > 0.3 * whole, "no column between two panels is left out"
 
 
 def test_bezels_are_dark_where_they_are_asked_for(flat: Path, compiled_only: None) -> None:

@@ -135,10 +135,6 @@ def test_wrong_value_is_refused_with_its_position(old: str, new: str, expected: 
         ("transport: {ports: 9000-99999}", "transport.ports = '9000-99999': is no range of ports"),
         ("transport: {ports: 9000-9000}", "transport.ports = '9000-9000': is one port; accepted: two or more"),
         (
-            "output: {browser: {port: 8877}, metrics: 8877}",
-            "output.metrics = 8877: is the port of the page; accepted: another port, 0: any free one, or none",
-        ),
-        (
             "transport: {allow: [10.1.0.0/8]}",
             "transport.allow[0] = '10.1.0.0/8': is no network: 10.1.0.0/8 has host bits",
         ),

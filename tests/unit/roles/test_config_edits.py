@@ -41,6 +41,10 @@ def test_another_kind_brings_its_own_defaults_and_keeps_what_was_written(config:
     text = TEXT + "sampling: {method: adaptive, seed: 7, samples_per_batch: 1024}\n"
     hilbert = changed(loads(text).config, "sampling.method=hilbert").sampling
     assert (hilbert.method, hilbert.seed, hilbert.samples_per_batch) == ("hilbert", 7, 1024)
+    together = changed(config, "sampling.samples_per_batch=1024", "sampling.method=framed").sampling
+    assert (together.method, together.samples_per_batch) == ("framed", 1024)
+    later = changed(changed(config, "views.main.refresh_hz=25"), "sampling.method=framed")
+    assert later.sampling.method == "framed", "after another change all keys are in the text"
     own = changed(config, "views.main.sampling={method: adaptive}", "views.main.sampling.method=framed")
     assert own.views[0].sampling is not None
     assert own.views[0].sampling.method == "framed"

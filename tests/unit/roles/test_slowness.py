@@ -59,6 +59,8 @@ def test_what_rests_is_not_slow(layout: Layout) -> None:
     placed = reconstructed_at_renderers(layout, ["here"] * layout.size)
     late = {rank: Heartbeat(rank=rank, time=9.0, seconds=9.0, refreshes_per_s=30.0, right_s=3.0) for rank in (1, 2)}
     assert why_slow(placed, late) == "", "no rank traces anything"
+    late[2] = Heartbeat(rank=2, time=9.0, seconds=9.0, refreshes_per_s=30.0, right_s=2.0, samples_per_s=5000.0)
+    assert why_slow(placed, late).startswith("Rank 2 (r0c1) traces 1 samples a pixel and second; ")
     resting = {rank: Heartbeat(rank=rank, time=9.0, seconds=9.0, complete=True, refreshes_per_s=4.0) for rank in (1, 2)}
     assert why_slow(placed, resting) == ""
     resting[2] = Heartbeat(rank=2, time=9.0, seconds=9.0, refreshes_per_s=4.0)

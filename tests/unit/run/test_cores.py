@@ -43,23 +43,32 @@ ALL = {"of a machine": [range(16)] * 5, "two": [range(2)] * 2, "one": [range(4)]
 
 
 @pytest.mark.parametrize(
-    ("processes", "usable", "each", "threads"),
+    ("processes", "limit", "each", "threads"),
     [
-        (ALL["of a machine"], 16.0, 3.76, 4), (ALL["two"], 2.0, 1.6, 2), (ALL["one"], 4.0, 4.0, 4),
-        (ALL["five on two"], 2.0, 0.47, 1), (ALL["five on two"], 0.25, 0.06, 1),
-        ([range(8 * k, 8 * k + 8) for k in range(4)], 8.0, 8.0, 8),
-        ([range(0, 4), range(2, 6)], 4.0, 3.6, 4),
+        (ALL["of a machine"], math.inf, 3.76, 4), (ALL["two"], math.inf, 1.6, 2), (ALL["one"], math.inf, 4.0, 4),
+        (ALL["five on two"], math.inf, 0.47, 1), (ALL["five on two"], 0.25, 0.06, 1),
+        ([range(8 * k, 8 * k + 8) for k in range(4)], math.inf, 8.0, 8),
+        ([range(8 * k, 8 * k + 8) for k in range(4)], 13.0, 4.0, 4),
+        ([range(0, 4), range(2, 6)], math.inf, 3.6, 4),
     ],
-    ids=["all share", "with a head alone", "alone", "too many", "with a quota", "each bound to its own", "overlapping"],
+    ids=[
+        "all share", "with a head alone", "alone", "too many", "with a quota", "each bound to its own",
+        "and with a quota for all", "overlapping",
+    ],
 )  # fmt: skip
 def test_processes_share_the_cores_that_several_may_run_on(
-    processes: list[range], usable: float, each: float, threads: int
+    processes: list[range], limit: float, each: float, threads: int
 ) -> None:
     """The first is the head, which counts as a quarter of a process."""
-    cores = share_of_cores(len(processes) - 1, processes, head=0, usable=usable)
+    cores = share_of_cores(len(processes) - 1, processes, head=0, limit=limit)
     assert cores == pytest.approx(each, abs=0.01)
     assert threads_of(cores) == threads
 
 
 def test_without_a_head_all_count_the_same() -> None:
-    assert share_of_cores(0, [range(8)] * 4, head=None, usable=8.0) == 2.0
+    assert share_of_cores(0, [range(8)] * 4, head=None, limit=math.inf) == 2.0
+
+
+def test_a_head_has_a_quarter_of_what_others_have() -> None:
+    head, other = (share_of_cores(k, [range(8)] * 2, head=0, limit=math.inf) for k in (0, 1))
+    assert (head, other) == pytest.approx((1.6, 6.4))

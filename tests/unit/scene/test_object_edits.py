@@ -88,3 +88,19 @@ def test_what_lies_below_an_object_goes_along(scene):
     after = built.at(0.0, Edits(1, values)).world_from_object
     assert (after - before)[rows, :3, 3] == pytest.approx(np.tile([1.0, 2.0, 3.0], (len(rows), 1)))
     assert (after - before)[other, :3, 3] == pytest.approx([1.0, 2.0, 4.0])
+
+
+@pytest.mark.parametrize("child", ["axle", "wheel"])
+def test_a_part_is_moved_after_the_whole_was_turned_and_alone(scene, child):
+    """Whichever name comes first: offsets are along the world's axes, and the whole turns about its own middle."""
+    rows = [k for k, instance in enumerate(scene.instances) if instance.name == NAME]
+    other = next(k for k, instance in enumerate(scene.instances) if instance.name != NAME)
+    instances = [replace(each, name="truck") if k in rows else each for k, each in enumerate(scene.instances)]
+    instances[other] = replace(instances[other], name=child, parents=("truck",))
+    built = replace(scene, instances=tuple(instances))
+    turn = ("objects.truck.rotation", (0.0, 90.0, 0.0))
+    offset = (f"objects.{child}.offset", (1.0, 0.0, 0.0))
+    turned = built.at(0.0, Edits(1, (turn,))).world_from_object.copy()
+    both = built.at(0.0, Edits(2, tuple(sorted((turn, offset))))).world_from_object
+    assert (both - turned)[other, :3, 3] == pytest.approx([1.0, 0.0, 0.0])
+    assert (both - turned)[rows] == pytest.approx(0.0)

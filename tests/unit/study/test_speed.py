@@ -83,7 +83,7 @@ def test_failed_measurement_does_not_lose_the_others(monkeypatch: pytest.MonkeyP
 
 def test_bare_rays_are_as_many_as_tracing_sends(compiled_only: None) -> None:
     bench = Bench("courtyard")
-    work = bench.tracer._work
+    work = bench.tracer.works[0]
     work.counts[:] = 0
     kernels.trace(*bench.arguments(bench.raster))
     assert work.counts[PRIMARY_RAYS] == 16 * len(bench.hits)

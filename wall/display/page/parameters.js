@@ -225,7 +225,7 @@ function tick(name, { of, to }) {
   const input = Object.assign(document.createElement("input"), { type: "checkbox" });
   input.setAttribute("aria-label", name);
   input.onchange = () => to(Number(input.checked));
-  return { input, take: (value) => { input.checked = Boolean(of(value)); } };
+  return { input, take: (value) => { input.checked = of(value) >= 0.5; } };
 }
 
 function choice(name, names, { of, to }) {

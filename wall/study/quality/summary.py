@@ -42,9 +42,6 @@ class Comparison:
     flip_higher: bool | None  # its FLIP is higher on every scene; None where that does not apply
 
 
-FARTHEST = 16.0  # times the largest rate that was measured
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EqualError:
     """How many times faster a method must be to reach the adaptive one's error, on one scene."""
@@ -126,8 +123,8 @@ def equal_error(rows: Sequence[Row], method: str = "framed") -> list[EqualError]
 def rate_for(curve: Mapping[float, float], error: float) -> tuple[float, bool]:
     """The rate at which a measured curve rate -> error reaches `error`, and whether that is an extrapolation.
 
-    A power law between neighbouring rates, and beyond the outermost ones that of the nearest two, FARTHEST times as
-    far as these at most: a curve that is nearly flat would say anything. inf where no such rate is enough.
+    A power law between neighbouring rates, and beyond the outermost ones that of the nearest two. inf where the error
+    does not fall with the rate there.
     """
     points = sorted(curve.items())
     pairs = list(pairwise(points))
@@ -136,8 +133,7 @@ def rate_for(curve: Mapping[float, float], error: float) -> tuple[float, bool]:
     slope = math.log(e_high / e_low) / math.log(high / low)
     if slope >= 0.0:
         return math.inf, True
-    found = low * math.exp(math.log(error / e_low) / slope)
-    return (found if found <= FARTHEST * points[-1][0] else math.inf), not inside
+    return low * math.exp(math.log(error / e_low) / slope), not inside
 
 
 def geometric(values: Iterable[float]) -> float:

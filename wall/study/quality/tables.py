@@ -38,6 +38,7 @@ from wall.study.quality.traffic import (
     traffic,
 )
 
+MOST_TIMES = 100.0  # faster or slower than that nothing was measured: an extrapolation would say anything
 REQUIRED = "Requirements"
 MET, MISSED = "yes", "MISSED"  # cells that are coloured
 
@@ -134,17 +135,20 @@ def _compared(title: str, found: Iterable[Comparison], clock: str) -> Table:
     return Table(title=title, columns=columns, lines=lines, text=(0, 1, 5, 6))
 
 
+def _times(factor: float) -> str:
+    """A factor; of one that is nowhere near what was measured, no more than that."""
+    if factor > MOST_TIMES:
+        return f"> {MOST_TIMES:g}"
+    return f"{factor:.1f}" if factor > 1.0 / MOST_TIMES else f"< {1.0 / MOST_TIMES:g}"
+
+
 def equal_table(rows: Sequence[Row]) -> Table:
     """How much faster framed must be; only where every method has a rate."""
     found = equal_error(rows) if rows[0].clock == "virtual" else []
     lines = tuple(
-        (
-            spending_text(m.spending, "virtual"), m.scene,
-            f"{m.factor:.1f}" if math.isfinite(m.factor) else "no rate near those measured",
-            "extrapolated" if m.beyond and math.isfinite(m.factor) else "",
-        )
+        (spending_text(m.spending, "virtual"), m.scene, _times(m.factor), "extrapolated" if m.beyond else "")
         for m in found
-    )  # fmt: skip
+    )
     title = "How many times faster framed must be for equal error"
     return Table(title=title, columns=("adaptive at", "scene", "times", ""), lines=lines, text=(0, 1, 3))
 
