@@ -29,7 +29,7 @@ COLUMNS = (
     "rank", "role", "region", "host", "samples/s", "bytes/s", "oldest", "heard", "dropped", "memory", "cores",
 )  # fmt: skip
 LEFT_OUT = ("bytes/s", "dropped", "heard", "host", "memory", "role")  # on narrow terminals, the first first
-UNKNOWN = "–"  # in place of the rates of a rank that is not heard of
+UNKNOWN = "-"  # in place of the rates of a rank that is not heard of
 STALE_S = 2.0  # an older sample is marked
 Status = Mapping[str, Any]  # of /status.json
 
