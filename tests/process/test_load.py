@@ -120,11 +120,12 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
     until_alike(address, wanted)
 
     _, *ranks, _ = session_of(process.pid)  # but the head and the nursery
+    before = shown(address)
     for rank in ranks:
         os.kill(rank, signal.SIGKILL)
     with connect(tmp_path / "OUT") as run:
         run.set({"exposure": -9.0})
-        until(address, shown(address))
+        until(address, before)
         run.set({"exposure": 0})
     until_alike(address, wanted)
 
