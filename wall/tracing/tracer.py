@@ -112,7 +112,7 @@ def path_room(count: int, *, normals: bool = False) -> Paths:
         radiance=np.zeros((count, 3), np.float32),
         normals=np.zeros((count, 3), np.float32) if normals else None,
         depth=0,
-        number=np.zeros(0, np.uint32),
+        number=np.zeros(count, np.uint32),
         seed=np.uint32(0),
     )
 
@@ -312,8 +312,9 @@ class Tracer:
         room = self._path_rooms[thread]
         if len(room.radiance) < len(numbers):
             room = self._path_rooms[thread] = path_room(len(numbers), normals=self._emitter_tree is not None)
+        room.number[: len(numbers)] = numbers  # there is one, if an old one, for lanes that no ray has
         depth = min(self._depth or 0, depth or MOST_SURFACES)
-        return room._replace(number=numbers, seed=np.uint32(self.seed & NUMBERS), depth=depth)
+        return room._replace(seed=np.uint32(self.seed & NUMBERS), depth=depth)
 
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
         """The arguments of kernels.trace for one thread; for measuring the kernel alone."""
