@@ -20,7 +20,7 @@ from wall.cli_plan import plan
 from wall.cli_render import IntegratorOption, UpOption, render, replay, screenshot
 from wall.cli_tracker import tracker
 from wall.commands.terminal import console, errors, fail, load_config, readably, say_version, write_text
-from wall.core.errors import EditError, WallError
+from wall.core.errors import ConfigError, EditError, WallError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -99,13 +99,9 @@ def run(
     from wall.run import launch
 
     if watch and (record or film):
-        from wall.core.errors import ConfigError
-
         option = "--film" if record is None else "--record"
         raise ConfigError(f"{option} and --watch: a run that is recorded keeps its configuration; wanted: one of them")
     if film_view is not None and film is None:
-        from wall.core.errors import ConfigError
-
         raise ConfigError(f"--film-view {film_view}: wanted --film FILE.mp4 with it")
     loaded = load_config(config, scene, up=up, integrator=integrator, fit=fit)
     options = launch.Options(

@@ -48,7 +48,7 @@ def place(panels: Sequence[Panel], *, regular: bool = False) -> Wall:
     for face in _in_one_plane(panels):
         found = _overlaps(panels, face)
         overlaps.extend(found)
-        corners = _as_they_stand(panels, face)
+        corners = _as_they_stand(panels, face, np.min([panels[k].pitch for k in face], axis=0))
         scattered = _crowded(panels, face, corners, found) or _mostly_empty(panels, face, corners)
         if scattered and not regular:
             faces.extend([k] for k in face)
@@ -134,9 +134,9 @@ def _rectangles(panels: Sequence[Panel], face: list[int]) -> tuple[Float64, Floa
     return low, low + size
 
 
-def _as_they_stand(panels: Sequence[Panel], face: list[int]) -> list[tuple[int, int]]:
-    finest = np.min([panels[k].pitch for k in face], axis=0)
-    corners = np.rint(_rectangles(panels, face)[0] / finest)
+def _as_they_stand(panels: Sequence[Panel], face: list[int], pitch: Float64) -> list[tuple[int, int]]:
+    """Their corners in pixels of this pitch, (2,) metres across and down."""
+    corners = np.rint(_rectangles(panels, face)[0] / pitch)
     return [(int(x), int(y)) for x, y in corners - corners.min(axis=0)]
 
 
@@ -145,9 +145,8 @@ def _unrolled(panels: Sequence[Panel], sheet: list[int]) -> list[tuple[int, int]
     pitch = np.array([panels[k].lit_pitch for k in sheet])
     if np.ptp(pitch, axis=0).max() > SAME_PITCH * pitch.min():
         return []
-    corners = np.rint(_rectangles(panels, sheet)[0] / pitch[0]).astype(int)
-    found = [(int(x), int(y)) for x, y in corners - corners.min(axis=0)]
-    return [] if _crowded(panels, sheet, found, []) or _mostly_empty(panels, sheet, found) else found
+    corners = _as_they_stand(panels, sheet, pitch[0])
+    return [] if _crowded(panels, sheet, corners, []) or _mostly_empty(panels, sheet, corners) else corners
 
 
 def _overlaps(panels: Sequence[Panel], face: list[int]) -> list[Overlap]:

@@ -38,13 +38,11 @@ def edited(config: Config, changes: Sequence[Any]) -> str:
     A grid's panels are written one by one where a change names one. What becomes of another kind keeps the keys that
     were written, and not those that it had by default.
     """
-    values = config.model_dump(mode="json", exclude_none=True)
-    written = config.model_dump(mode="json", exclude_none=True, exclude_unset=True, exclude_defaults=True)
     parsed = [_parsed(change) for change in changes]
     if config.wall.grid is not None and any(path[:2] == PANELS for path, _, _ in parsed):
-        expanded = expanded_config(config.wall)
-        values["wall"] = expanded.model_dump(mode="json", exclude_none=True)
-        written["wall"] = expanded.model_dump(mode="json", exclude_none=True, exclude_unset=True, exclude_defaults=True)
+        config = config.model_copy(update={"wall": expanded_config(config.wall)})
+    values = config.model_dump(mode="json", exclude_none=True)
+    written = config.model_dump(mode="json", exclude_none=True, exclude_unset=True, exclude_defaults=True)
     changed: list[list[str]] = []
     for (path, how, value), change in zip(parsed, changes, strict=True):
         try:

@@ -60,7 +60,7 @@ class LocalBootstrap:
             others = [end for pipe in pipes for end in pipe if end is not own] + [to_nursery, at_nursery]
             child = context.Process(
                 target=run_child,
-                args=(rank, own, others, as_rank(size, main), os.getpid(), keys[rank], set(siblings)),
+                args=(rank, own, others, as_rank(size, main), os.getpid(), keys[rank], siblings),
                 name=f"wall rank {rank}",
             )
             siblings |= start_process(child)

@@ -275,7 +275,7 @@ class Tracer:
         def trace(first: int, last: int) -> Samples:
             began = time.thread_time()
             thread, own = free.pop(), samples[first:last]
-            arguments = self._arguments(xy[first:last], own, self.works[thread])
+            arguments = self.arguments(xy[first:last], own, thread)
             if numbers is None:
                 kept = kernels.trace(*arguments)
             elif self._occlusion is not None:
@@ -316,12 +316,9 @@ class Tracer:
         depth = min(self._depth or 0, depth or MOST_SURFACES)
         return room._replace(seed=np.uint32(self.seed & NUMBERS), depth=depth)
 
-    def arguments(self, xy: Float32, samples: Samples) -> Arguments:
-        """The arguments of kernels.trace for one thread; for measuring the kernel alone."""
-        return self._arguments(xy, samples, self.works[0])
-
-    def _arguments(self, xy: Float32, samples: Samples, work: Workspace) -> Arguments:
-        trees, frame = self.instances.trees, self._ray_frame
+    def arguments(self, xy: Float32, samples: Samples, thread: int = 0) -> Arguments:
+        """The arguments of kernels.trace for one of the threads; for trace() and for measuring the kernel alone."""
+        trees, frame, work = self.instances.trees, self._ray_frame, self.works[thread]
         return Arguments(trees, frame, xy, samples, self._surfaces, self._materials, self._lights, work)
 
 
