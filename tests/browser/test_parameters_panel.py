@@ -105,12 +105,43 @@ def test_a_colour_is_sent_as_linear_light(panel, source):
 def test_values_follow_edits_by_others_and_the_button_takes_them_back(panel, source):
     source.values["integrator.depth"] = (2.0,)
     row = panel.locator("[data-name='integrator.depth']")
-    eventually(panel, lambda: row.locator("output").inner_text() == "2 surfaces", "the value is shown")
-    assert row.locator("input").input_value() == "2"
+    value = panel.get_by_label("integrator.depth, value")
+    eventually(panel, lambda: value.input_value() == "2 surfaces", "the value is shown")
+    assert row.locator("input[type=range]").input_value() == "2"
     row.locator("button").click()
     eventually(panel, lambda: sets(source), "the button was heard")
     assert sets(source)[-1] == {"kind": "set", "name": "integrator.depth", "numbers": None}
     assert row.locator("button").is_disabled()
+
+
+@pytest.mark.parametrize(
+    ("name", "typed", "sent"),
+    [
+        ("exposure", "1.25", [1.25]),
+        ("exposure", "99", [20]),
+        ("integrator.depth", "7.6 surfaces", [8]),
+        ("lights.0.intensity", "3", [3, 3, 3]),
+        ("lights.1.direction", "1, -1e-1 0", [1, -0.1, 0]),
+    ],
+)
+def test_a_value_is_typed(panel, source, name, typed, sent):
+    field = panel.get_by_label(f"{name}, value")
+    field.click()
+    panel.keyboard.type(typed)
+    panel.keyboard.press("Enter")
+    eventually(panel, lambda: sets(source), "the value was heard")
+    assert source.received == [{"kind": "set", "name": name, "numbers": sent}]
+
+
+@pytest.mark.parametrize(("typed", "key"), [("5", "Escape"), ("nothing", "Enter"), ("1 2", "Enter")])
+def test_what_is_typed_and_left_or_no_value_changes_nothing(panel, source, typed, key):
+    field = panel.get_by_label("exposure, value")
+    field.click()
+    panel.keyboard.type(typed)
+    panel.keyboard.press(key)
+    panel.locator("h3").first.click()
+    eventually(panel, lambda: field.input_value() == "0 stops", "it is as it was")
+    assert source.received == []
 
 
 def test_brackets_expose_by_thirds_of_a_stop_and_periods_seek_by_half_a_second(page, source):

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from wall.client import connect
-from wall.core.colour import srgb_decoded
 from wall.core.errors import EditError
-from wall.core.tone_mapping import TONE_MAPPINGS
 from wall.packets.control import ALL_BUT_OBJECTS, EditAnswer
-
-COLOUR = re.compile("#[0-9a-fA-F]{6}")
 
 
 def set_parameters(folder: Path, assignments: Sequence[str], *, listed: bool, undo: int = 0) -> EditAnswer:
@@ -36,7 +29,7 @@ def set_parameters(folder: Path, assignments: Sequence[str], *, listed: bool, un
 
 
 def parse_assignment(text: str) -> tuple[str, object]:
-    """Name and value of NAME=VALUE: numbers with commas, #rrggbb, or `default`. Raises EditError."""
+    """Name and value of NAME=VALUE: numbers with commas, a name, #rrggbb, or `default`. Raises EditError."""
     name, equals, value = text.rpartition("=")
     if not equals or not name.strip():
         raise EditError(f"{text[:80]!r}: want NAME=VALUE, as in lights.0.intensity=8,7,5")
@@ -44,21 +37,13 @@ def parse_assignment(text: str) -> tuple[str, object]:
 
 
 def parse_value(text: str) -> object:
-    """None for `default`, else a tone mapping's name, a number, or a list of numbers. Raises EditError."""
+    """None for `default`, else a number, a list of numbers, or the text: the wall knows the names. Raises EditError."""
     if text == "default":
         return None
-    if COLOUR.fullmatch(text):
-        codes = np.array(list(bytes.fromhex(text[1:])))
-        return [float(x) for x in srgb_decoded(codes / 255.0)]
-    if text in TONE_MAPPINGS:
-        return text
     try:
         numbers = [float(part) for part in text.strip("[]()").split(",")]
     except ValueError:
-        raise EditError(
-            f"value {text[:60]!r}: want numbers with commas between, #rrggbb, default, or one of "
-            f"{', '.join(TONE_MAPPINGS)}"
-        ) from None
+        return text
     if not all(map(math.isfinite, numbers)):
         raise EditError(f"value {text[:60]!r}: want finite numbers")
     return numbers if len(numbers) > 1 else numbers[0]

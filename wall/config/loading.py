@@ -19,7 +19,7 @@ from wall.config import json_schema, yaml_text
 from wall.config.materials import AmbientOcclusionConfig, DirectConfig, PathConfig
 from wall.config.scene import SceneConfig, Up
 from wall.config.schema import Config
-from wall.config.views import MOST_STOPS, CameraConfig, OrbitPathConfig
+from wall.config.views import MOST_STOPS, CameraConfig, OrbitPathConfig, ViewConfig
 from wall.config.yaml_text import Document, YamlPath
 from wall.core.errors import ConfigError
 from wall.core.files import read_file
@@ -151,20 +151,36 @@ def default_for_model(path: str | Path) -> Loaded:
 
 
 def with_scene(loaded: Loaded, source: str | Path) -> Loaded:
-    """The same wall around another model: its own lights and motion, framed and circled."""
+    """The same wall around another model: its own lights and motion, framed and circled.
+
+    Views that follow another's camera still do; of several, those that stand keep which way they look.
+    """
     file = Path(source)  # beside the caller, not beside the configuration; built-in scenes have no suffix
     text = str(file.absolute()) if file.suffix or file.exists() else str(source)
-    views = []
-    for view in loaded.config.views:
-        camera = CameraConfig(fov=view.camera.fov)
-        path = view.path if isinstance(view.path, OrbitPathConfig) else OrbitPathConfig(type="orbit")
-        views.append(view.model_copy(update={"camera": camera, "path": path}))
+    views = loaded.config.views
+    views = tuple(_around_another_model(view, stands=view.path is None and len(views) > 1) for view in views)
     try:
         scene = SceneConfig(source=text, ground=bool(file.suffix))
     except ValidationError:
         raise ConfigError(f"{text!r} is not a scene; accepted: a name or a model file") from None
     loaded = replace(loaded, scene_named=f"--scene {source}")
-    return loaded.with_config(loaded.config.model_copy(update={"scene": scene, "views": tuple(views)}))
+    return loaded.with_config(loaded.config.model_copy(update={"scene": scene, "views": views}))
+
+
+def _around_another_model(view: ViewConfig, *, stands: bool) -> ViewConfig:
+    camera = view.camera
+    if camera.follow is not None:
+        return view
+    if stands:
+        direction = camera.direction
+        if camera.position is not None and camera.target is not None:
+            (x, y, z), (to_x, to_y, to_z) = camera.position, camera.target
+            direction = (to_x - x, to_y - y, to_z - z)
+        update: dict[str, Any] = {"camera": CameraConfig(direction=direction, up=camera.up, fov=camera.fov)}
+    else:
+        path = view.path if isinstance(view.path, OrbitPathConfig) else OrbitPathConfig(type="orbit")
+        update = {"camera": CameraConfig(fov=camera.fov), "path": path}
+    return view.model_copy(update=update)
 
 
 def with_up(loaded: Loaded, up: str) -> Loaded:

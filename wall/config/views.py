@@ -39,7 +39,7 @@ ReconstructionWish = Literal["auto", "cpu", "gpu"]
 
 
 class CameraConfig(Model):
-    """Where the viewer stands in the world. Without name, position and target, the whole scene is framed."""
+    """Where the viewer stands in the world. Without name, position and follow, the whole scene is framed."""
 
     name: Text | None = Field(
         default=None,
@@ -50,6 +50,11 @@ class CameraConfig(Model):
     )
     target: Point | None = Field(
         default=None, description="what it looks at, world units; absent = framed automatically"
+    )
+    direction: Direction | None = Field(
+        default=None,
+        description="which way it looks where the scene is framed automatically, world frame; absent = from the front "
+        "right and a little above",
     )
     up: Direction = Field(default=(0.0, 1.0, 0.0), description="the direction that is up in the image, world frame")
     fov: Annotated[Number, Ge(1.0), Le(170.0)] | None = Field(
@@ -63,17 +68,12 @@ class CameraConfig(Model):
         description="id of a view before this one, whose camera it has, steered or not; in place of name and position",
     )
 
-    @property
-    def auto(self) -> bool:
-        """Whether the camera is placed so that the whole scene is seen."""
-        return self.position is None and self.name is None and self.follow is None
-
     @model_validator(mode="after")
     def _looks_somewhere(self) -> CameraConfig:
         if (self.position is None) != (self.target is None):
             raise refusal("has only one of position and target", accepted="both, or neither (framed automatically)")
-        if sum(given is not None for given in (self.name, self.position, self.follow)) > 1:
-            raise refusal("says more than once where the eye is", accepted="one of name, position, follow")
+        if sum(given is not None for given in (self.name, self.position, self.follow, self.direction)) > 1:
+            raise refusal("says more than once where the eye is", accepted="one of name, position, follow, direction")
         if self.position is not None and self.target is not None and _same(self.position, self.target):
             raise refusal("is where the eye is", accepted="a point away from position", at=("target",))
         return self

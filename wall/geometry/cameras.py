@@ -235,7 +235,7 @@ def resolve_view(
         target = pose[:3, 3] - max(away, NEAREST_TARGET * radius) * pose[:3, 2]
     else:
         target = np.array(center, dtype=np.float64)
-        still = framed(wall, eye, target, radius=radius, up=up)
+        still = framed(wall, eye, target, radius=radius, up=up, direction=config.camera.direction)
     for vector in (eye, target, up):
         vector.setflags(write=False)
     window = wall.window_ahead(eye)
@@ -272,20 +272,24 @@ def _named(loaded: Loaded, view: int, name: str, cameras: Sequence[NamedCamera])
     return found
 
 
-def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Float64) -> Camera:
+def framed(
+    wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Float64, direction: ArrayLike | None = None
+) -> Camera:
     """The camera that sees a sphere (world) whole: in a flat wall, else in the panel before the eye.
 
-    The centre is seen in the middle of that rectangle, from 30 degrees to the right and 20 degrees above.
+    The centre is seen in the middle of that rectangle, along `direction` (3,), by default from 30 degrees to the right
+    and 20 degrees above.
     """
     corners = wall.window_ahead(eye)
     axis = _unit((corners[1] + corners[2]) / 2 - eye, otherwise=(0.0, 0.0, -1.0))
     half_angle = min(cone_inside(corners, eye, axis), WIDEST_CONE)
     size = radius if radius > 0 and math.isfinite(radius) else 1.0
     distance = size / math.sin(half_angle)
-    ahead, right = _ground_axes(up)
-    level = math.sin(AUTO_AZIMUTH) * right - math.cos(AUTO_AZIMUTH) * ahead
-    towards_eye = math.cos(AUTO_ELEVATION) * level + math.sin(AUTO_ELEVATION) * up
-    rotation = look_at(towards_eye, np.zeros(3), up).rotation()
+    if direction is None:
+        ahead, right = _ground_axes(up)
+        level = math.sin(AUTO_AZIMUTH) * right - math.cos(AUTO_AZIMUTH) * ahead
+        direction = -math.cos(AUTO_ELEVATION) * level - math.sin(AUTO_ELEVATION) * up
+    rotation = look_at(np.zeros(3), direction, up).rotation()
     return Camera.of(center - distance * (rotation @ axis), rotation)
 
 

@@ -18,6 +18,7 @@ from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
 from wall.core.garbage import started
 from wall.core.mpi import mpi_rank, under_mpi
+from wall.core.network import why_taken
 from wall.display.x_server import check_displays
 from wall.roles.plan import (
     HEAD,
@@ -63,11 +64,20 @@ def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Ca
     check_files(layout)
     if mpi_rank() == HEAD:
         check_page(layout, headless=options.headless)
+        check_bind(layout)
     check_folder(options.out)
     with claimed(options.out) if mpi_rank() == HEAD else nullcontext():
         if options.record is not None and mpi_rank() == HEAD:
             check_unused(options.record)
         return _run_mpi(layout, options, say, opened) if under_mpi() else _run_local(layout, options, say, opened)
+
+
+def check_bind(layout: Layout) -> None:
+    """Refuse an address that is not the head's machine's, before anything is loaded. Raises ConfigError."""
+    transport = layout.config.transport
+    if transport.kind != "loopback" and (why := why_taken(transport.bind, 0)):
+        accepted = "an address of this machine, or 0.0.0.0: all of them"
+        raise layout.loaded.error(("transport", "bind"), f"cannot listen there ({why})", accepted)
 
 
 def check_folder(folder: Path) -> None:

@@ -7,13 +7,17 @@ A new one: an entry here, and where scene.shading puts its value.
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
+
 from wall.config.views import MOST_STOPS
+from wall.core.colour import srgb_decoded
 from wall.core.errors import EditError, SceneError
 from wall.core.fields import BRIGHTEST, FARTHEST, LARGEST_IOR, MOST_DEPTH, MOST_STRENGTH, SMALLEST_IOR
 from wall.core.tone_mapping import AS_IT_IS, TONE_MAPPINGS, Tone
@@ -35,6 +39,7 @@ NAMES_SHOWN = 8
 NEAREST = 1e-6  # world units
 SCENES_AWAY = 1e4  # radii of the scene, or world units, that an object may be moved; page/parameters.js has the same
 SHORTEST = 1e-9  # length of a direction
+SRGB = re.compile("#[0-9a-fA-F]{6}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,22 +66,28 @@ class Parameter:
             return f"a number {span}{unit}"
         if self.kind == "direction":
             return "three numbers, not all zero"
-        one = " or one for all of them," if self.kind in ("color", "light") else ""
-        return f"three numbers,{one} {span}{unit}"
+        if self.kind in ("color", "light"):
+            return f"three numbers, or one for all of them, {span}{unit}, or #rrggbb"
+        return f"three numbers, {span}{unit}"
 
     def checked(self, value: object) -> Numbers:
-        """The numbers of a value: a number or a sequence of numbers. Raises EditError where it is not accepted."""
+        """The numbers of a value: a number, a sequence of numbers, or a name. Raises EditError where it is refused."""
         given: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
         given = [self.choices.index(x) if isinstance(x, str) and x in self.choices else x for x in given]
         wanted = WIDTH[self.kind]
         if len(given) == 1 and self.kind in ("color", "light"):
-            given *= wanted
+            given = _rgb(given[0]) if isinstance(given[0], str) and SRGB.fullmatch(given[0]) else wanted * given
         numbers = [float(x) for x in given if _is_number(x) and self.low <= x <= self.high]
         whole = self.kind not in ("whole", "choice") or all(x == int(x) for x in numbers)
         length = self.kind != "direction" or math.hypot(*numbers) >= SHORTEST
         if len(given) != wanted or len(numbers) != wanted or not whole or not length:
             raise EditError(f"{self.name} = {_shown(value)}: want {self.accepted}")
         return tuple(numbers)
+
+
+def _rgb(code: str) -> list[float]:
+    """Linear RGB of #rrggbb."""
+    return [float(x) for x in srgb_decoded(np.array(list(bytes.fromhex(code[1:]))) / 255.0)]
 
 
 def _is_number(value: Any) -> bool:

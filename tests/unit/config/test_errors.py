@@ -51,7 +51,7 @@ def test_good_text_loads() -> None:
         (
             "fov: 45",
             "fow: 45",
-            "views[0].camera.fow: unknown key; accepted: name, position, target, up, fov, follow; did you mean fov?",
+            "views[0].camera.fow: unknown key; accepted: name, position, target, direction, up, fov, follow; did you mean fov?",
         ),
         ("columns: 2", "columns: 2.5", "wall.grid.columns = 2.5"),
         (
@@ -289,7 +289,7 @@ def test_model_alone_gives_the_demo_wall_around_it(tmp_path: Path) -> None:
 
     assert loaded.config.scene.source == "bunny: 1.ply"
     assert loaded.folder == tmp_path
-    assert loaded.config.views[0].camera.auto
+    assert loaded.config.views[0].camera.position is None
     assert loaded.config.wall.grid is not None
     assert loaded.config.wall.grid.columns * loaded.config.wall.grid.rows == 4
 
@@ -308,9 +308,26 @@ def test_another_scene_is_framed_automatically_on_the_same_wall(tmp_path: Path) 
     other = with_scene(loaded, model)
 
     assert other.config.scene.source == str(model)
-    assert other.config.views[0].camera.auto
+    assert other.config.views[0].camera.position is None
     assert other.config.views[0].camera.fov == 45
     assert other.config.wall == loaded.config.wall
+
+
+def test_with_another_scene_a_map_is_still_seen_from_above_and_a_view_still_follows(tmp_path: Path) -> None:
+    views = """\
+views:
+  - {camera: {position: [7, 3, 9], target: [0, 1, 0]}, path: {type: orbit}}
+  - {id: map, viewport: {left: 0.6, top: 0, width: 0.4, height: 0.4},
+     camera: {position: [0, 24, 0], target: [0, 4, 0], up: [0, 0, -1]}}
+  - {id: near, viewport: {left: 0, top: 0, width: 0.4, height: 0.4}, camera: {follow: map, fov: 20}}
+"""
+    loaded = loads(GOOD[: GOOD.index("views:")] + views)
+
+    main, above, near = with_scene(loaded, "forest").config.views
+
+    assert main.camera.direction is None and main.path == loaded.config.views[0].path
+    assert above.camera.direction == (0, -20, 0) and above.camera.up == (0, 0, -1) and above.path is None
+    assert near == loaded.config.views[2]
 
 
 def test_paths_read_as_people_write_them() -> None:

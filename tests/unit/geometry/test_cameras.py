@@ -90,12 +90,13 @@ def test_camera_at_a_place_looks_at_its_target_in_the_middle_of_the_wall() -> No
     assert_allclose(xy[0], [wall.width / 2, wall.height / 2], atol=1e-9)
 
 
+@pytest.mark.parametrize("camera", ["auto", "{direction: [0, -2, 0], up: [0, 0, -1]}", "{direction: [1, 1, 0]}"])
 @pytest.mark.parametrize("eye", ["", "eye: [0.1, -0.05, 0.2], "])
 @pytest.mark.parametrize(("radius", "center"), [(1.0, (0, 0, 0)), (1e-6, (3, 4, 5)), (1e7, (1e6, 0, -1e6))])
 def test_automatic_camera_sees_the_whole_scene_and_not_much_else(
-    eye: str, radius: float, center: tuple[float, ...]
+    camera: str, eye: str, radius: float, center: tuple[float, ...]
 ) -> None:
-    loaded, wall = configured(eye + "camera: auto")
+    loaded, wall = configured(f"{eye}camera: {camera}")
     view = resolve_view(loaded, wall, center, radius)
     angles = np.linspace(0, 2 * np.pi, 60)
     around = np.array([[np.cos(a) * np.sin(b), np.cos(b), np.sin(a) * np.sin(b)] for a in angles for b in angles])
@@ -109,6 +110,13 @@ def test_automatic_camera_sees_the_whole_scene_and_not_much_else(
     assert xy[:, 1].max() < wall.height + 0.5
     margins = [xy[:, 0].min(), xy[:, 1].min(), wall.width - xy[:, 0].max(), wall.height - xy[:, 1].max()]
     assert min(margins) < 0.03 * wall.height
+
+
+def test_an_automatic_camera_looks_along_its_direction() -> None:
+    rotation = resolved("camera: {direction: [0, -2, 0], up: [0, 0, -1]}").still.rotation()
+
+    assert_allclose(-rotation[:, 2], (0, -1, 0), atol=1e-12)
+    assert_allclose(rotation[:, 1], (0, 0, -1), atol=1e-12)
 
 
 @pytest.mark.parametrize("radius", [0.0, math.inf, math.nan])

@@ -161,8 +161,18 @@ def test_tone_mapping_is_chosen_by_name_published_and_undone(plan: Plan) -> None
     assert next(lines_of(answer.parameters)).split()[:5] == ["tone_mapping", "aces", "one", "of", "none,"]
     _, (event,) = told(manager, WindowInput(rank=HEAD, commands=[{"kind": "undo"}]), 2e-2)
     assert (event.tone_mapping, manager.editor.picture) == ("none", {})
-    with pytest.raises(EditError, match=r"want numbers .* or one of none, reinhard, aces, khronos_neutral"):
-        parse_assignment("tone_mapping=filmic")
+    (refused,), _ = told(manager, request(parse_assignment("tone_mapping=filmic")), 3e-2)
+    assert refused.refused == "tone_mapping = filmic: want one of none, reinhard, aces, khronos_neutral"
+
+
+def test_a_colour_is_taken_as_srgb_and_one_that_has_a_name_is_refused_as_a_colour(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True, key=KEY)
+    list(manager.on_tick(0.0))
+    _, (event,) = told(manager, request(parse_assignment("sky.zenith=#ff8000")), 1e-4)
+    assert event.edits.values[0][1] == pytest.approx((1.0, 0.21586, 0.0), abs=1e-5)
+    (refused,), _ = told(manager, request(parse_assignment("sky.zenith=red")), 2e-2)
+    assert refused.refused.startswith("sky.zenith = red: want three numbers, or one for all of them, from 0 to ")
+    assert refused.refused.endswith(", or #rrggbb")
 
 
 def test_exposure_is_published_without_a_new_number(plan: Plan) -> None:

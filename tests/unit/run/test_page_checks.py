@@ -1,4 +1,4 @@
-"""What a page cannot be served with is refused before anything is loaded; where there is none, nothing is."""
+"""What a page cannot be served with, and where nothing can listen, is refused before anything is loaded."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
 from wall.roles.plan import Layout, make_layout
+from wall.run.launch import check_bind
 from wall.run.sinks import check_page
 
 TEXT = """\
@@ -36,3 +37,10 @@ def test_what_is_in_the_way_is_named_with_its_place(tmp_path: Path, output: str,
         check_page(layout_of(tmp_path, f"output: {output}"))
     check_page(layout_of(tmp_path, f"output: {output}\ngraph: {{sinks: [png]}}".replace(", metrics: 8877", "")))
     check_page(layout_of(tmp_path, f"output: {output}".replace(", metrics: 8877", "")), headless=True)
+
+
+def test_an_address_of_another_machine_is_refused_with_its_place(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"wall\.yaml:5:19: transport\.bind = '203\.0\.113\.9': cannot listen there"):
+        check_bind(layout_of(tmp_path, "transport: {bind: 203.0.113.9}"))
+    check_bind(layout_of(tmp_path, "transport: {bind: 203.0.113.9, kind: loopback}"))
+    check_bind(layout_of(tmp_path, "transport: {bind: 0.0.0.0}"))

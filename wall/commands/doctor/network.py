@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import errno
-import socket
 from collections.abc import Iterator
-from contextlib import closing
 
 from wall.commands.doctor.finding import Finding, State
+from wall.core.network import why_taken
 from wall.display.x_server import check_displays
 from wall.roles.plan import Layout, window_panels
 
@@ -22,12 +20,12 @@ def ports(layout: Layout) -> Iterator[Finding]:
     if transport.kind == "loopback":
         return
     if between is None:
-        why = _why_taken(bind, 0)
+        why = why_taken(bind, 0)
         mend = "transport: {bind: 0.0.0.0}, or an address of this machine (ip -br address)"
         found = f"any free ones at {bind}" if not why else f"{bind}: {why}"
         yield Finding(name="ports", state="missing" if why else "ok", found=found, mend=mend)
         return
-    whys = [_why_taken(bind, port) for port in range(between[0], between[1] + 1)]
+    whys = [why_taken(bind, port) for port in range(between[0], between[1] + 1)]
     free = whys.count("")
     found = f"{free} of {between[0]}-{between[1]} free at {bind}, up to {wanted} needed"
     mend = f"transport.ports: a wider range{'' if free else f' ({whys[-1]})'}; ss -tlnp says who listens"
@@ -43,7 +41,7 @@ def page(layout: Layout) -> Iterator[Finding]:
     for name, port in (("page", output.browser.port), ("metrics", output.metrics)):
         if port is None:
             continue
-        why = _why_taken(output.browser.host, port)
+        why = why_taken(output.browser.host, port)
         key = "output.browser" if name == "page" else "output"
         mend = f"another port in {key}.{'port' if name == 'page' else 'metrics'}, or 0; ss -tlnp says who listens"
         found = f"{output.browser.host}:{port or 'any free port'}" + (f": {why}" if why else "")
@@ -63,18 +61,3 @@ def displays(layout: Layout, host: str) -> Iterator[Finding]:
         yield Finding(name="displays", state="ok", found=f"of {len(here)} panels can be reached")
     elif panels:
         yield Finding(name="displays", state="ok", found="all windows are on other hosts; run wall doctor there")
-
-
-def _why_taken(host: str, port: int) -> str:
-    """Why nothing can listen there; "" if it can. Port 0 is any free one."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with closing(socket.socket(family, socket.SOCK_STREAM)) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as servers do: what has just ended is free
-        try:
-            probe.bind(("" if host == "*" else host, port))
-            probe.listen(1)
-        except OSError as error:
-            if error.errno == errno.EACCES:
-                return "ports below 1024 are root's (sysctl net.ipv4.ip_unprivileged_port_start)"
-            return error.strerror or str(error)
-    return ""

@@ -10,6 +10,8 @@ const AXES = ["x", "y", "z"];
 
 const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 const short = (x) => String(Number(x.toPrecision(3)));
+const exact = (numbers) => numbers.map((x) => Number(x.toPrecision(6))).join(" ");
+const numbersIn = (text) => (text.match(/[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?/gi) ?? []).map(Number);
 const encoded = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055);
 const decoded = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
 
@@ -117,7 +119,7 @@ function group(title) {
 class Row {
   asked = -Infinity;
   element = document.createElement("div");
-  #value; #parameter; #controls; #shown; #reset;
+  #value; #parameter; #controls; #shown; #reset; #set;
 
   constructor(parameter, label, set) {
     this.#parameter = parameter;
@@ -126,17 +128,46 @@ class Row {
     this.element.dataset.kind = parameter.kind;
     const text = parameter.kind === "choice" ? label.replaceAll("_", " ") : label;
     const name = Object.assign(document.createElement("span"), { textContent: text, title: parameter.name });
-    this.#shown = document.createElement("output");
+    this.#shown = this.#typed() ? this.#field() : document.createElement("output");
     this.#reset = Object.assign(document.createElement("button"), { type: "button", textContent: "↺" });
     this.#reset.setAttribute("aria-label", `${parameter.name}: as configured`);
     this.#reset.title = "As configured";
     this.#reset.onclick = () => { this.take(parameter.default); set(null); };
     const change = (numbers) => { this.#label(numbers); this.#value = numbers; set(numbers); };
+    this.#set = set;
     this.#controls = controlsOf(parameter, () => this.#value, change);
     const inputs = document.createElement("div");
     inputs.append(...this.#controls.map((c) => c.input));
     this.element.append(name, inputs, this.#shown, this.#reset);
     this.take(parameter.value);
+  }
+
+  #typed() {
+    const { kind, low, high } = this.#parameter;
+    return kind !== "choice" && !(kind === "whole" && low === 0 && high === 1);
+  }
+
+  // The value as a text that can be typed over; Escape leaves it as it was.
+  #field() {
+    const input = Object.assign(document.createElement("input"), { type: "text", spellcheck: false, autocomplete: "off" });
+    input.setAttribute("aria-label", `${this.#parameter.name}, value`);
+    input.onfocus = () => { input.value = exact(this.#value); input.select(); };
+    input.onblur = () => this.#label(this.#value);
+    input.onchange = () => {
+      if (input.value !== exact(this.#value)) this.#type(numbersIn(input.value));
+      input.value = exact(this.#value);
+    };
+    input.onkeydown = (e) => { if (e.key === "Escape") { input.value = exact(this.#value); input.blur(); } };
+    return input;
+  }
+
+  #type(numbers) {
+    const { kind, low, high, default: { length } } = this.#parameter;
+    if (numbers.length === 1 && ["color", "light"].includes(kind)) numbers = Array(length).fill(numbers[0]);
+    if (numbers.length !== length || kind === "direction" && !Math.hypot(...numbers)) return;
+    numbers = numbers.map((x) => clamp(kind === "whole" ? Math.round(x) : x, low, high));
+    this.take(numbers);
+    this.#set(numbers);
   }
 
   take(value) {
@@ -148,7 +179,8 @@ class Row {
   #label(value) {
     const numbers = value.map(short).join(" "), { unit } = this.#parameter;
     const text = this.#parameter.kind === "choice" ? "" : unit && value.length === 1 ? `${numbers} ${unit}` : numbers;
-    if (this.#shown.textContent !== text) this.#shown.textContent = text;
+    const shows = this.#typed() ? "value" : "textContent";
+    if (this.#shown[shows] !== text && document.activeElement !== this.#shown) this.#shown[shows] = text;
     this.#shown.title = `${numbers} ${unit}`;
     this.#controls.forEach(({ input }, k) => {           // not where its thumb stands, but what it sets
       const own = this.#controls.length === value.length ? short(value[k]) : numbers;
