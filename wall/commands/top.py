@@ -26,9 +26,9 @@ ANSWER_S = 3.0  # for the wall's answer
 MOST_BYTES = 16 << 20  # of it
 TRIES = 3  # answers that may be missed before a run counts as gone
 COLUMNS = (
-    "rank", "role", "region", "host", "samples/s", "bytes/s", "oldest", "heard", "dropped", "memory", "cores",
+    "rank", "role", "region", "host", "PID", "samples/s", "bytes/s", "oldest", "heard", "dropped", "memory", "cores",
 )  # fmt: skip
-LEFT_OUT = ("bytes/s", "dropped", "heard", "host", "memory", "role")  # on narrow terminals, the first first
+LEFT_OUT = ("bytes/s", "dropped", "heard", "PID", "host", "memory", "role")  # on narrow terminals, the first first
 UNKNOWN = "-"  # in place of the rates of a rank that is not heard of
 STALE_S = 2.0  # an older sample is marked
 Status = Mapping[str, Any]  # of /status.json
@@ -153,7 +153,7 @@ def _table(now: Status, before: Status | None, width: int) -> Table:
         oldest = rank["oldest_sample_s"]
         rates = (si(rank[each]) if rank["alive"] else UNKNOWN for each in ("samples_per_s", "bytes_per_s"))
         cells = (
-            str(rank["rank"]), rank["role"], rank["region"], totals["host"], *rates,
+            str(rank["rank"]), rank["role"], rank["region"], totals["host"], str(totals["process"] or ""), *rates,
             "" if oldest is None else f"{oldest:.1f} s", f"{totals['silent_s']:.1f} s",
             str(rank["dropped"]), f"{totals['memory'] / 2**20:.0f} MB", _cores(totals, then),
         )  # fmt: skip

@@ -104,6 +104,7 @@ class RankTotals:
     """What a process of the run has done since it was started, and what it has now."""
 
     host: str
+    process: int = 0  # its number there; 0: not known
     seconds: float = 0.0  # since it was started
     silent_s: float = 0.0  # since it was last heard of
     samples: int = 0  # traced

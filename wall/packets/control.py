@@ -87,6 +87,7 @@ class Heartbeat:
     packets: int = 0
     bytes: int = 0
     seconds: float = 0.0  # since it began
+    process: int = 0  # its number on its host
     memory: int = 0  # bytes, now
     peak_memory: int = 0  # bytes
     right_s: float = 0.0  # from an input until the images made here are right in 90 % of their pixels; 0: not known

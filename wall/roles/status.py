@@ -169,6 +169,7 @@ def totals_of(beat: Heartbeat | None, member: Hello | None, now: float) -> RankT
         return RankTotals(host=host)
     return RankTotals(
         host=host,
+        process=beat.process,
         seconds=beat.seconds,
         silent_s=max(0.0, now - beat.time),
         samples=beat.samples_traced,

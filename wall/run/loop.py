@@ -203,6 +203,6 @@ class Loop:
             dropped.update(sink.dropped())
         used = self._used()
         return replace(
-            message, memory=used.memory, peak_memory=used.peak_memory, cpu_seconds=used.cpu_seconds - self._before,
-            dropped=dict(+dropped), credit=self._ports.credit(),
+            message, process=used.process, memory=used.memory, peak_memory=used.peak_memory,
+            cpu_seconds=used.cpu_seconds - self._before, dropped=dict(+dropped), credit=self._ports.credit(),
         )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import resource
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +11,9 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Usage:
-    """Bytes of memory, and seconds of CPU time since the start."""
+    """The process's number, bytes of memory, and seconds of CPU time since the start."""
 
+    process: int = 0
     memory: int = 0
     peak_memory: int = 0
     cpu_seconds: float = 0.0
@@ -24,7 +26,7 @@ def usage() -> Usage:
     """What this process uses."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     peak = used.ru_maxrss * 1024  # Linux counts KiB
-    return Usage(memory=memory(), peak_memory=peak, cpu_seconds=_cpu_seconds(used))
+    return Usage(process=os.getpid(), memory=memory(), peak_memory=peak, cpu_seconds=_cpu_seconds(used))
 
 
 def nothing_used() -> Usage:

@@ -8,6 +8,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -75,7 +76,20 @@ def test_versions_are_compared_by_their_numbers(there: str, wanted: str, good: b
 
 
 def test_this_installation_has_all_its_packages() -> None:
-    assert [(each.name, each.state) for each in machine.packages()] == [("python", "ok")]
+    assert [(each.name, each.state) for each in machine.packages()] == [("python", "ok"), ("extras", "ok")]
+
+
+def test_an_extra_that_is_not_there_is_named_with_what_it_is_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = machine.version
+
+    def version(name: str) -> str:
+        if name == "vtk":
+            raise PackageNotFoundError(name)
+        return there(name)
+
+    monkeypatch.setattr(machine, "version", version)
+    (extras,) = [each for each in machine.packages() if each.name == "extras"]
+    assert extras.found.startswith("data: no vtk, which reads VTK's files (pip install 'wall[data]'), film: av ")
 
 
 @contextmanager

@@ -51,7 +51,8 @@ def test_good_text_loads() -> None:
         (
             "fov: 45",
             "fow: 45",
-            "views[0].camera.fow: unknown key; accepted: name, position, target, direction, up, fov, follow; did you mean fov?",
+            "views[0].camera.fow: unknown key; accepted: name, position, target, direction, up, fov, follow; "
+            "did you mean fov?",
         ),
         ("columns: 2", "columns: 2.5", "wall.grid.columns = 2.5"),
         (
@@ -325,8 +326,8 @@ views:
 
     main, above, near = with_scene(loaded, "forest").config.views
 
-    assert main.camera.direction is None and main.path == loaded.config.views[0].path
-    assert above.camera.direction == (0, -20, 0) and above.camera.up == (0, 0, -1) and above.path is None
+    assert (main.camera.direction, main.path) == (None, loaded.config.views[0].path)
+    assert (above.camera.direction, above.camera.up, above.path) == ((0, -20, 0), (0, 0, -1), None)
     assert near == loaded.config.views[2]
 
 

@@ -21,6 +21,9 @@ SHARED = Path("/dev/shm")
 MPI_S, GPU_S = 60.0, 30.0  # for programs that check these
 FILES, FILES_A_RANK = 128, 8  # open files of the head; a head of 5 ranks has 58 without viewers
 LEAST_DISK = 1 << 30  # bytes for results
+OFFERED = {  # extras, and what they are for
+    "data": "reads VTK's files", "film": "writes films", "denoise": "removes noise",
+}  # fmt: skip
 _REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(.*)")
 _BOUND = re.compile(r"(>=|==|<)\s*([0-9.]+)")
 _MPI = (
@@ -49,6 +52,18 @@ def packages() -> Iterator[Finding]:
             yield Finding(name="packages", state="missing", found=found, mend=mend)
     python = ".".join(map(str, sys.version_info[:3]))
     yield Finding(name="python", state="ok", found=f"{python}, wall {version('wall')}")
+    yield Finding(name="extras", state="ok", found=", ".join(f"{extra}: {said}" for extra, said in _extras()))
+
+
+def _extras() -> Iterator[tuple[str, str]]:
+    """What of OFFERED is installed, or what it is for."""
+    for extra, what in OFFERED.items():
+        wanted = [text.partition(";")[0] for text in requires("wall") or () if text.endswith(f'extra == "{extra}"')]
+        names = [match[1] for match in map(_REQUIREMENT.match, wanted) if match is not None]
+        try:
+            yield extra, " ".join(f"{name} {version(name)}" for name in names)
+        except PackageNotFoundError as error:
+            yield extra, f"no {error.name}, which {what} (pip install 'wall[{extra}]')"
 
 
 def satisfies(there: str, wanted: str) -> bool:
