@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 import pytest
 from adaptive_images import GREEN, PLATE, RED, START, centres, event_at, glowing, hits
-from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING
+from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose, assert_array_equal
 from small_scenes import Triple, View, instance, keyframes, material, quad, view
 
@@ -373,3 +373,24 @@ def test_a_pass_and_what_is_none_never_follow_each_other_without_a_wait(
     pairs = set(pairwise(calls))
     assert len(pairs) > 5
     assert not [pair for pair in pairs if "a wait" not in pair and (pair[0] == PASS) != (pair[1] == PASS)]
+
+
+def test_batches_of_the_image_shown_and_of_the_next_one_travel_together(
+    opengl: Device, random_numbers: np.random.Generator, compiled_only: None, calls: list[str]
+) -> None:
+    """Renderers send both in turn. The plate alone moves, so pixels accumulate the batches of the image's camera."""
+    scene = plates((-0.6, 0.0, 2.0), (0.6, 0.0, 2.0))
+    twins, source = Twins(scene, SEEN), Noise(random_numbers, 700)
+    shown = [event_at(k, SEEN, scene_time=0.1 * k) for k in range(3)]
+    ahead = event_at(3, SEEN, scene_time=0.3, position=(0.1, 0.0, 4.0))
+    for k, event in enumerate(shown[:2]):
+        twins.insert(source.of(twins, event), START + k / 60, event)
+        twins.refresh(event, START + k / 60)
+    calls.clear()
+    for n in range(8):
+        event = (shown[1], ahead)[n % 2]
+        twins.insert(source.of(twins, event), START + 0.04 + n / 600, event)
+    assert calls == []
+    for event in (shown[2], ahead):
+        twins.refresh(event, START + 0.06)
+        twins.agree(decided=DECIDED_BY_ROUNDING)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Mapping
 from glob import glob
 from importlib.resources import files
 from typing import Any
@@ -91,6 +90,7 @@ class Device:
         self.largest_texture = int(context.info["GL_MAX_TEXTURE_SIZE"])
         adds = float_atomics and _FLOAT_ATOMICS in context.extensions
         self._compute = {name: context.compute_shader(_source(name, float_atomics=adds)) for name in _COMPUTE}
+        self._uniforms = {name: dict[str, Any]() for name in _COMPUTE}  # of each pass, as they were set last
         self._passes = False  # what was asked for last is a pass
 
     @property
@@ -103,10 +103,14 @@ class Device:
     ) -> None:
         """Run a pass over `count` items with `buffers` bound in turn; what follows sees what it wrote."""
         self._turn_to(passes=True)
-        shader = self._compute[name]
+        shader, known = self._compute[name], self._uniforms[name]
         for binding, buffer in enumerate(buffers):
             buffer.bind_to_storage_buffer(binding)
-        _set(shader, {"count": count, **uniforms})
+        for key, value in {"count": count, **uniforms}.items():
+            if known.get(key) != value:
+                known[key] = value
+                if key in shader:  # the compiler drops what a pass does not read
+                    shader[key].value = value
         groups = -(-count // GROUP) if groups is None else groups
         shader.run(min(groups, ROW), -(-groups // ROW))
         self.context.memory_barrier()
@@ -227,9 +231,3 @@ def _source(name: str, *, float_atomics: bool) -> str:
 
 def _literal(value: int | np.float32) -> str:
     return repr(float(value)) if isinstance(value, np.floating) else str(value)
-
-
-def _set(program: Any, uniforms: Mapping[str, Any]) -> None:
-    for name, value in uniforms.items():
-        if name in program:  # the compiler drops what a pass does not read
-            program[name].value = value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -57,15 +58,20 @@ class Passes:
         self._collect()
         self._over_pixels(clear=1, contradicted=1)
 
-    def accumulate(self, store: GpuStore, first: int, n: int) -> None:
-        """Let pixels accumulate the `n` samples from slot `first` on."""
+    def accumulate(self, store: GpuStore, slots: Iterable[range]) -> None:
+        """Let pixels accumulate the samples in these slots."""
         names, noted = ("screen_position", "radiance", "object_id"), self._accumulated_objects
         buffers = (self._sums, *(store.arrays[name] for name in names), noted)
         self._accumulation.use(0)
         self._accumulation.bind_to_image(0, read=True, write=True)
-        for start in range(first, first + n, LARGEST_MERGE):
-            part = min(LARGEST_MERGE, first + n - start)
-            self._device.compute("accumulate", part, buffers, first=start, size=self._size)
+        added = 0
+        for part in _parts(slots):
+            if added + len(part) > LARGEST_MERGE:
+                self._device.compute("merge", self._area, (self._sums, noted))
+                added = 0
+            self._device.compute("accumulate", len(part), buffers, first=part.start, size=self._size)
+            added += len(part)
+        if added:
             self._device.compute("merge", self._area, (self._sums, noted))
 
     def reject(self, store: GpuStore, first: int, change: Float32, ordinal: int) -> None:
@@ -269,3 +275,16 @@ class Passes:
         texture = self._device.context.texture((width, height), CHANNELS, dtype="f4")
         texture.filter = self._device.context.NEAREST, self._device.context.NEAREST
         return texture
+
+
+def _parts(slots: Iterable[range]) -> Iterator[range]:
+    """The same slots, those that follow each other joined, in parts of LARGEST_MERGE at most."""
+    joined: list[range] = []
+    for each in slots:
+        if joined and joined[-1].stop == each.start:
+            joined[-1] = range(joined[-1].start, each.stop)
+        elif each:
+            joined.append(each)
+    for each in joined:
+        for start in range(each.start, each.stop, LARGEST_MERGE):
+            yield range(start, min(start + LARGEST_MERGE, each.stop))

@@ -75,7 +75,7 @@ class GpuReconstruction:
         self._staged_store, self._staged = SampleStore.of(self._largest, lit=self.poses.lit), 0
         self._change = np.zeros(self._largest, np.float32)  # of the staged samples
         self._contradicted = False  # by any sample that has travelled since the last refresh
-        self._accumulates = False  # their pixels accumulate them, see InsertRules.shows_event
+        self._accumulated: list[range] = []  # of the staged samples, what pixels accumulate: InsertRules.shows_event
         self._ordinal = 0  # new samples that have travelled since the last refresh
         self._packing = SortSchedule(self._store.capacity)
         self._history = PixelHistory.of(width, height, detects_change=False)  # its rejections are the GPU's
@@ -126,9 +126,6 @@ class GpuReconstruction:
         rules = self.poses.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
         pose, under = self.poses.inserted(event)
         diffuse, doubted = self.poses.diffuse_under(pose), self.poses.doubt_of(event)
-        if rules.shows_event != self._accumulates:
-            self._send(moving=not self.nothing_moves)
-            self._accumulates = rules.shows_event
         for start in range(0, len(samples), self._largest):
             part = samples[start : start + self._largest]
             if self.count + len(part) > self._store.capacity:
@@ -148,6 +145,8 @@ class GpuReconstruction:
                 self._change[first : self._staged] = 0.0
             else:
                 self._change[first : self._staged] = part["change"]  # all were stored
+            if rules.shows_event:
+                self._accumulated.append(range(first, self._staged))
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number.
@@ -173,6 +172,7 @@ class GpuReconstruction:
     def clear(self) -> None:
         """Forget every sample."""
         self._store.count = self._staged = 0
+        self._accumulated = []
         self.poses.reset()
         self._history.clear_accumulation()
         self._passes.clear_accumulation()
@@ -262,7 +262,7 @@ class GpuReconstruction:
         """Make the image of the event shown from all samples. `stood`: nothing moved before."""
         pose, history, moved = self.poses.pose, self._history, self.poses.moved().astype(np.bool_)
         assert pose is not None
-        self._send(moving=not stood)
+        self._send(moving=not stood, forgotten=self.poses.camera_moved)
         relit = self.poses.relit().astype(np.bool_)
         if self.poses.lit:
             self._relighting.run(self._store, pose.lights, relit)
@@ -298,9 +298,13 @@ class GpuReconstruction:
         if (planes := self.poses.cuts.take()) is not None:
             self._store.reject_cut_away(planes)
 
-    def _send(self, *, moving: bool) -> None:
-        """Let the staged samples travel; in a moving image pixels accumulate them, and contradictions count."""
+    def _send(self, *, moving: bool, forgotten: bool = False) -> None:
+        """Let the staged samples travel; in a moving image pixels accumulate them, and contradictions count.
+
+        forgotten : what pixels have accumulated is about to be
+        """
         n, self._staged = self._staged, 0
+        accumulated, self._accumulated = self._accumulated, []
         if n == 0:
             return
         first = self._store.count
@@ -309,8 +313,8 @@ class GpuReconstruction:
             if self._change[:n].any():
                 self._passes.reject(self._store, first, self._change[:n], self._ordinal)
                 self._contradicted = True
-            if self._accumulates:
-                self._passes.accumulate(self._store, first, n)
+            if not forgotten:
+                self._passes.accumulate(self._store, [range(first + r.start, first + r.stop) for r in accumulated])
             self._ordinal += n
 
     def _evict(self, n: int) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from rich.console import RenderableType
 
-from wall.config.loading import load
+from wall.config.loading import Loaded, load
 from wall.core.errors import ConfigError
 from wall.display.image_log import LoggedImages, LoggedPanel, read_log
 from wall.display.viewer import Seen
@@ -25,6 +25,7 @@ from wall.roles.plan import HEAD, Layout, make_layout, window_panels
 from wall.roles.stale import Place, stale_places
 from wall.study import json_lines
 from wall.study.faults.hosts import Hosts
+from wall.study.faults.replacement import replace_head
 from wall.study.faults.walls import FaultyWall, Slowed
 from wall.study.live.rewriting import text_in_motion
 from wall.study.live.runs import IMAGES, Bystanders
@@ -33,7 +34,7 @@ from wall.study.speed import record
 
 FILE = "faults.jsonl"
 OWN = Path(__file__).parents[3] / "configs" / "two_compositors.yaml"
-KILLED, FROZEN, SLOWED, FULL = "killed", "frozen", "slowed", "full disk"
+KILLED, FROZEN, SLOWED, FULL, REPLACED = "killed", "frozen", "slowed", "full disk", "replaced"
 CUT, SLOW_LINK = "cut", "slow link"  # of a host
 SETTLE_S = 3.0  # that a wall runs before it is looked at
 FROZEN_S = 1.5  # that a process stands still
@@ -42,14 +43,15 @@ SLOW_BITS_S = 1_000_000
 PORTS = "9000-9100"
 MOST_MARKED_MS = {KILLED: 100.0, FROZEN: 400.0, CUT: 400.0}  # what is wanted, as all of the following
 MOST_LOST, LOST_S = 10.0, 1.0  # percent of the others' samples that may be lost after so long
-MOST_AGAIN_MS = 3000.0
+MOST_AGAIN_MS, MOST_REPLACED_MS = 3000.0, 5000.0
 MOVED_S, WHOLE = 0.5, 0.8  # of the pixels that changed so shortly before the fault: over others nothing moves any more
 DISK = "1m"  # a folder of results that is soon full
 NOTE = (
     f"Noticed and marked: on the page, after the fault; wanted: {MOST_MARKED_MS[KILLED]:g} ms where a process was "
     f"killed, {MOST_MARKED_MS[FROZEN]:g} ms where it was frozen or its host cut off. Whole image: {WHOLE:.0%} of the "
     f"pixels that moved in the {MOVED_S:g} s before have changed since the process died, or went on; wanted: "
-    f"{MOST_AGAIN_MS:g} ms. Others: samples that the other renderers lost, from {LOST_S:g} s after the fault on; "
+    f"{MOST_AGAIN_MS:g} ms. Head replaced: until the next one's page answers, and shows that; wanted: "
+    f"{MOST_REPLACED_MS:g} ms. Others: samples that the other renderers lost, from {LOST_S:g} s after the fault on; "
     f"wanted: {MOST_LOST:g} %. "
     "Left: processes 3 s after the end; wanted: none."
 )
@@ -94,7 +96,7 @@ def faults_of(layout: Layout, hosts: int = 0) -> list[Fault]:
     ]
     head = Fault(kind=KILLED, role="head", rank=HEAD)
     if not hosts:
-        return [*kinds, head, Fault(kind=FULL, role="", rank=None)]
+        return [*kinds, head, Fault(kind=REPLACED, role="head", rank=HEAD), Fault(kind=FULL, role="", rank=None)]
     network = [Fault(kind=kind, role="host", rank=layout.size - 1) for kind in (CUT, SLOW_LINK)]
     return [*kinds, *network[: 2 * (hosts > 1)], head]
 
@@ -122,13 +124,16 @@ def measure(config: Path, *, seconds: float, hosts: int = 0, out: Path, say: Say
                 continue
             others = Bystanders()
             path = folder / config.name
-            path.write_text(text_in_motion(loaded), encoding="utf-8")
+            configured = _with_standby(loaded) if fault.kind == REPLACED else loaded
+            path.write_text(text_in_motion(configured), encoding="utf-8")
             made = Hosts(hosts, folder / "hosts") if hosts else None
             if made is not None:
                 closing.callback(made.close)
-            wall = FaultyWall(path, folder, results, hosts=made, ranks=layout.size)
+            keeps_images = fault.kind != REPLACED  # for another head could not go on with them
+            wall = FaultyWall(path, folder, results, keeps_images=keeps_images, hosts=made, ranks=layout.size)
             closing.callback(wall.close)
-            rows.append(_measured(config, layout, fault, wall, others, seconds=seconds, results=results))
+            measured = _replaced if fault.kind == REPLACED else _measured
+            rows.append(measured(config, layout, fault, wall, others, seconds=seconds, results=results))
         shutil.rmtree(folder / IMAGES, ignore_errors=True)
         json_lines.append(out / FILE, rows[-1])
     return rows
@@ -174,6 +179,27 @@ def _measured(
         why = (
             "" if code == 1 and "No space left" in " ".join(wall.said.split()) else "nothing said that the disk is full"
         )
+    return _row(config, fault, others, (detected, marked, again, lost), left=left, why=why)
+
+
+def _replaced(
+    config: Path, layout: Layout, fault: Fault, wall: FaultyWall, others: Bystanders, *, seconds: float, results: Path
+) -> Row:
+    time.sleep(SETTLE_S + seconds)
+    answers, again = replace_head(results, wall.address, moved_s=MOVED_S, whole=WHOLE)
+    time.sleep(seconds)
+    code, left = wall.end(signal.SIGINT)
+    found = [f"{what} after {ms} ms" for what, ms in (("page", answers), ("whole image", again))
+             if ms is None or ms > MOST_REPLACED_MS]  # fmt: skip
+    found += [] if code == 0 else [f"the wall ended with {code}: {wall.said.strip()[-300:]}"]
+    return _row(config, fault, others, (answers, None, again, None), left=left, why="; ".join(found))
+
+
+def _row(
+    config: Path, fault: Fault, others: Bystanders, found: tuple[float | None, ...], *, left: int, why: str
+) -> Row:
+    """`found`: what is noticed, marked, whole again, ms, and lost by others, percent."""
+    detected, marked, again, lost = found
     why = "; ".join(filter(None, [why, f"{left} processes were left" if left else ""]))
     return Row(
         config=config.stem, fault=fault.kind, role=fault.role, detected_ms=detected, marked_ms=marked,
@@ -181,6 +207,11 @@ def _measured(
         other_cores=round(others.cores(), 2),
         commit=record.commit(), machine=record.machine(), command=record.command(),
     )  # fmt: skip
+
+
+def _with_standby(loaded: Loaded) -> Loaded:
+    transport = loaded.config.transport.model_copy(update={"standby": True})
+    return loaded.with_config(loaded.config.model_copy(update={"transport": transport}))
 
 
 def _do(fault: Fault, wall: FaultyWall, *, seconds: float, results: Path) -> float:
@@ -307,16 +338,9 @@ def _why_not_ok(
 def report(rows: Sequence[Row], out: Path) -> Iterator[RenderableType]:
     """What is printed at the end."""
     columns = (
-        "wall",
-        "fault",
-        "noticed, ms",
-        "marked, ms",
-        "whole image, ms",
-        "others lost, %",
-        "left",
-        "met",
-        "why not",
-    )
+        "wall", "fault", "noticed, ms", "marked, ms", "whole image, ms", "others lost, %", "left", "met", "why not",
+        "other cores",
+    )  # fmt: skip
     lines = tuple(
         (
             row.config, f"{row.role} {row.fault}".strip(), *map(_number, (row.detected_ms, row.marked_ms)),
