@@ -129,6 +129,12 @@ class Graph:
         return tuple(node for node in self.nodes if isinstance(node, SinkNode))
 
     @property
+    def page_rank(self) -> int:
+        """The compositor that serves the page; the head where there is none."""
+        pages = (step for step in self.steps if isinstance(step.node, SinkNode) and step.node.kind == "browser")
+        return next((step.rank for step in pages), 0)
+
+    @property
     def rank_of(self) -> dict[str, int]:
         """The rank on which each node's work is done; of a samples node the first of its renderers."""
         renderers = {layer.samples: layer.ranks[0] for layer in self.layers}

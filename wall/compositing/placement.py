@@ -50,7 +50,6 @@ class Placement:
                 continue
             rank = asked.get(node.id)
             found[node.id] = rank if rank is not None else self._chosen(node, found, panels[node.id])
-        self._pages_at_the_head(order, found)
         self._all_work(found)
         self.hosts |= self._renderer_hosts
         return found
@@ -122,11 +121,6 @@ class Placement:
             return None
         self.hosts[free[0]] = host
         return free[0]
-
-    def _pages_at_the_head(self, order: Sequence[Node], found: Mapping[str, int]) -> None:
-        for node in order:
-            if isinstance(node, SinkNode) and node.kind == "browser" and found[node.id] != HEAD:
-                self._refusals.add(node, ["on"], "the page is served by the head, which knows how all are", "head")
 
     def _all_work(self, found: Mapping[str, int]) -> None:
         idle = sorted(set(range(1, self._config.compositors)) - set(found.values()))

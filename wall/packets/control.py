@@ -27,7 +27,7 @@ from wall.packets.notes import LEVELS, Note
 from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 19
+MAGIC, VERSION = b"WALL", 20
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
@@ -54,6 +54,7 @@ class Hello:
     endpoint: str  # where other ranks connect to; "" where none does
     incarnation: int  # differs each time that the rank is started
     key: str = ""  # CURVE, of one that has joined; "": of the start, or none
+    page: str = ""  # address of the page that it serves, with the token; the membership does not tell it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +168,7 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selection:
-    """To the head's compositor: what pages share beside the scene. Absolute: the newest replaces all before it."""
+    """To compositors that report: what pages share beside the scene. Absolute: the newest replaces all before it."""
 
     names: list[str] = field(default_factory=list)  # by view: of the object that is selected, "" none; []: none is
     bookmarks: list[int] = field(default_factory=list)  # of cameras, that can be recalled

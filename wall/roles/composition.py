@@ -194,13 +194,13 @@ class Composition:
             layer.reprojected.tiles_of.clear()
 
     def keep(self, image: StatisticsImage) -> None:
-        """Keep a renderer's tiles for its layer, another compositor's image for the head."""
+        """Keep a renderer's tiles for its layer, another compositor's image for the page."""
         if image.rank != HEAD:
             layer = self._layer_of(image.rank, image.panel, image.bounds)
             layer.reprojected.tiles_of[image.rank] = image
             return
         panels = self._plan.layout.wall.panels
-        if self._rank != HEAD or image.panel >= len(panels):
+        if self._rank != self._plan.layout.graph.page_rank or image.panel >= len(panels):
             raise RemoteProtocolError(f"statistics_image of panel {image.panel}, which is not needed here")
         check_statistics_image(image, panels[image.panel])
         self._statistics_images[image.panel, image.compared] = image
@@ -298,10 +298,11 @@ class Composition:
         return (*own, *(image for image in self._statistics_images.values() if comparing or not image.compared))
 
     def offer_statistics(self, now: float) -> Iterator[Offer]:
-        """Offer the head this rank's statistics images, if they are due and there is credit."""
-        if self._ready(HEAD) and self._statistics_due.now(now):
+        """Offer the page this rank's statistics images, if they are due and there is credit."""
+        page_rank = self._plan.layout.graph.page_rank
+        if self._ready(page_rank) and self._statistics_due.now(now):
             for image in self.statistics_images(now, comparing=True):
-                yield Offer(HEAD, serialise(image))
+                yield Offer(page_rank, serialise(image))
 
     def shown(self) -> list[PanelCrops]:
         """What every sink of this rank shows, in the order of the graph."""

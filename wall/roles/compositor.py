@@ -17,7 +17,17 @@ from wall.core.errors import RemoteProtocolError
 from wall.core.tone_mapping import Tone
 from wall.display.base import ParameterState, Status, WallImage
 from wall.operators.overlay import Overlay
-from wall.packets.control import Assignment, Heartbeat, Hello, Membership, Selection, Statistics, Stop, WindowInput
+from wall.packets.control import (
+    Assignment,
+    EditRequest,
+    Heartbeat,
+    Hello,
+    Membership,
+    Selection,
+    Statistics,
+    Stop,
+    WindowInput,
+)
 from wall.packets.notes import REFUSED, Note
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import Number, Sent, needed_from_others, shows_only, summed_number, target_ranks
@@ -73,13 +83,14 @@ class Compositor:
         self.latency, self._refresh_rate, self._own_rate = Latency(), Rates(RATE_SPAN_S), Rates(RATE_SPAN_S)
         self.refreshes = 0.0  # of the whole wall: an image that comes alone counts as its share
         self._views = [FollowedView(plan, index) for index in range(len(plan.views))]
-        targets = (target_ranks(graph, hello.rank) | {HEAD}) - {hello.rank}
+        self._reports = hello.rank in (HEAD, graph.page_rank)  # it tells how all ranks are
+        targets = (target_ranks(graph, hello.rank) | {graph.page_rank}) - {hello.rank}
         self.standing = Standing(hello, targets, plan.layout.config.transport)
         self._sees_samples = bool(graph.layers_on(HEAD) or needed_from_others(graph, HEAD))
         self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.rank != HEAD for s in graph.steps)
-        self._beats: dict[int, Heartbeat] = {}  # at the head: the newest of every rank
+        self._beats: dict[int, Heartbeat] = {}  # where it reports: the newest of every rank
         self._ending: WindowInput | None = None  # the newest by which a user ends the run at this rank's windows
-        self._parameters = shown_parameters(plan) if hello.rank == HEAD else {}
+        self._parameters = shown_parameters(plan) if self._reports else {}
         self._states: tuple[tuple[float, Edits, Tone], tuple[ParameterState, ...]] | None = None
         self._handles: HandlesMaker | None = None  # of what is selected
         self._selection = Selection()
@@ -101,7 +112,7 @@ class Compositor:
         self._began: float | None = None
         self.run_began: float | None = None  # the run, seconds of the head's clock; None: with this compositor
         files = (step.node for step in graph.sinks_on(hello.rank) if isinstance(step.node, SinkNode))
-        self._shows_last = hello.rank == HEAD or any(node.kind in ("png", "recorder") for node in files)
+        self._shows_last = hello.rank == HEAD or any(node.kind != "window" for node in files)
         self._stop_at: float | None = None  # when this rank ends at the latest
 
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
@@ -121,6 +132,8 @@ class Compositor:
         elif isinstance(message, WindowInput):
             self._ending = message if message.escape or message.closed else None
             yield Send(MANAGER, message)
+        elif isinstance(message, EditRequest):
+            yield Send(MANAGER, message)
         else:
             self.standing.hear(now)
             yield from self._hear(message, now)
@@ -138,7 +151,7 @@ class Compositor:
             self._known |= self.standing.members
             self._came_ranks |= self.standing.members.keys()
             self._gone |= self._came_ranks - self.standing.members.keys()
-            if self._rank == HEAD and self.standing.members.keys() != before and self._views[0].event is not None:
+            if self._reports and self.standing.members.keys() != before and self._views[0].event is not None:
                 yield from self._make_status(self._views[0].event, now)
                 yield Tell(self._status)  # what is stale is marked before the next image is made
             self._status_due = now
@@ -237,7 +250,7 @@ class Compositor:
             yield from self._make_statistics_images(event, now)
         else:
             self._statistics_images = ()
-        if self._rank == HEAD and now >= self._status_due:
+        if self._reports and now >= self._status_due:
             yield from self._make_status(self._views[0].event or event, now)
             self._gone = self._came_ranks - self.standing.members.keys()
         yield Show(self._images(event, now), self._status)
@@ -245,8 +258,8 @@ class Compositor:
             yield from self._beat(now)
 
     def _make_statistics_images(self, event: Event, now: float) -> Iterator[Instruction]:
-        """Make statistics images for the head's page, if they are due."""
-        if self._rank != HEAD:
+        """Make statistics images for the page, if they are due."""
+        if self._rank != self._plan.layout.graph.page_rank:
             yield from self._sent.counted(self.composition.offer_statistics(now))
         elif self._statistics_due.now(now):
             self._statistics_images = self.composition.statistics_images(now, comparing=bool(event.compare))
@@ -271,7 +284,7 @@ class Compositor:
         self._status = replace(status, totals=totals, refreshes=self.refreshes, notes=tuple(dict.fromkeys(notes)))
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
-        if self._overlays_elsewhere:
+        if self._overlays_elsewhere and self._rank == HEAD:
             yield Send(MANAGER, statistics)
 
     def _states_under(self, event: Event) -> tuple[ParameterState, ...]:

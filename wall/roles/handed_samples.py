@@ -10,7 +10,7 @@ from wall.core.data import Float32
 from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.display.base import PanelSamples
-from wall.roles.plan import HEAD, Layout
+from wall.roles.plan import Layout
 
 
 class HandedSamples:
@@ -61,7 +61,7 @@ def why_images(layout: Layout) -> tuple[str, ...]:
             found.append("another view lies on a panel")
         elif layers[k].at_renderer:
             found.append("renderers make them; output.browser.samples: true in the configuration sends samples here")
-        elif layers[k].compositor != HEAD:
+        elif layers[k].compositor != graph.page_rank:
             found.append("another compositor makes them")
         else:
             found.append("")

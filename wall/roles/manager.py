@@ -81,6 +81,7 @@ class Manager:
         self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
         self._told_due: dict[int, float] = {}  # by rank: from then on the head is told of the next one
         self.escape = ""  # where Escape was pressed
+        self.page = ""  # where another compositor serves it
         self.ended = ""  # why the run ends, once it does
         self.counters, self.configurations = Counter[str](), 1  # that the run has had
         self._seconds, self._until_complete = seconds, until_complete
@@ -108,7 +109,7 @@ class Manager:
         self.directors = []
         for number, view in enumerate(plan.views):
             self.directors.append(Director(plan, now, number, self.directors, before.get(view.id, first)))
-        self._window_ranks = window_ranks(plan.layout)
+        self._window_ranks, self._reporters = window_ranks(plan.layout), frozenset({HEAD, plan.layout.graph.page_rank})
         if plan.layout.strips is not None:
             self.balancer = Balancer(self._layout, now)
         self._tick_s = 1.0 / (max(view.refresh_hz for view in plan.views) * EVENTS_A_REFRESH)
@@ -130,7 +131,7 @@ class Manager:
         self._take(replace(plan, since=self.since), now)
         kept = {int(number) for director in self.directors for number in director.kept.bookmarks}
         self.commands.selection = Selection(bookmarks=sorted(kept))
-        yield Send(HEAD, self.commands.selection)
+        yield from self._report(self.commands.selection)
         self.editor.adopt(self.plan)
         self._edited, self._repeat_due = True, now
         yield from self.reloading.answer(self.editor.count)
@@ -165,8 +166,9 @@ class Manager:
                     yield Send(message.rank, director.event)
                 if self.balancer is not None:
                     yield Send(message.rank, self.balancer.assignment)
-                if message.rank == HEAD and self.commands.selection != Selection():
-                    yield Send(HEAD, self.commands.selection)
+                if message.rank in self._reporters and self.commands.selection != Selection():
+                    yield Send(message.rank, self.commands.selection)
+                self.page = message.page if message.page and message.rank in self._reporters else self.page
                 if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
                     yield Send(message.rank, Stop(reason=self.ended))
             elif isinstance(message, SignOfLife):
@@ -175,7 +177,7 @@ class Manager:
                     self.heartbeats[message.rank] = known
                     if known.last or now >= self._told_due.get(message.rank, -math.inf):
                         self._told_due[message.rank] = now + BEATS_APART * self._layout.config.transport.heartbeat_s
-                        yield Send(HEAD, known)
+                        yield from self._report(known)
             elif isinstance(message, WindowInput):
                 yield from self._take_input(message, now)
             elif isinstance(message, Note):
@@ -219,8 +221,12 @@ class Manager:
         except EditError as error:
             self.reloading.said = str(error)
         if self.commands.selection != selection:
-            yield Send(HEAD, self.commands.selection)
+            yield from self._report(self.commands.selection)
         self.due = now
+
+    def _report(self, message: Heartbeat | Selection | Note) -> Iterator[Send]:
+        """To those who tell how the run is doing: the head's compositor, and the one that serves the page."""
+        return (Send(rank, message) for rank in sorted(self._reporters))
 
     def _succeed(self, rank: int, now: float) -> None:
         """Another process is that rank now."""
@@ -235,7 +241,7 @@ class Manager:
 
     def _take_input(self, message: WindowInput, now: float) -> Iterator[Instruction]:
         """Take in steering and ends of the run. Raises RemoteProtocolError for a rank that has no windows."""
-        if message.rank not in self._window_ranks | {HEAD}:
+        if message.rank not in self._window_ranks | self._reporters:
             raise RemoteProtocolError(f"rank {message.rank} has no windows; wanted: {sorted(self._window_ranks)}")
         self.escape = self.escape or message.escape
         self._closed |= {message.rank} if message.closed else set()
@@ -255,9 +261,11 @@ class Manager:
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Publish events, notice lost ranks, end the run in its steps."""
         said, self.reloading.said = self.reloading.said, ""
-        yield from self.register.tell(said)
+        for note in self.register.tell(said):
+            yield from self._report(note)
         if self._phase is Phase.RUNNING:
-            self._watch(now)
+            self.register.watch(now, self._layout.config.transport)  # regions of the silent only grow old
+            self.ended = self.ended or self._why_over(now)
             if self.ended:  # the view is frozen, so that the last image shows one moment with every sample
                 self._phase, self._limit = Phase.HOLDING, now if self.ended == NO_RENDERER else now + HOLD_S
         if self._phase in (Phase.RUNNING, Phase.HOLDING):
@@ -348,11 +356,6 @@ class Manager:
         beats = (self.heartbeats.get(k) for k in range(self._layout.graph.compositors) if k not in self.lost)
         if all(beat is not None and (beat.camera_event, beat.scene_event) >= number for beat in beats):
             self._released = number
-
-    def _watch(self, now: float) -> None:
-        """Notice ranks that fell silent; their regions only grow old. See whether the run is over."""
-        self.register.watch(now, self._layout.config.transport)
-        self.ended = self.ended or self._why_over(now)
 
     def _why_over(self, now: float) -> str:
         """Why the run is to end, "" as long as it is not."""

@@ -197,13 +197,13 @@ class Register:
         there = set(ranks) - (self._died - self._coming)
         return min((now - self._heard[rank] for rank in there), default=math.inf)
 
-    def tell(self, said: str) -> Iterator[Send]:
-        """Hand on what is to be told, and what is `said` of the run: to the head's process, and to its page."""
+    def tell(self, said: str) -> Iterator[Note]:
+        """Hand on what is to be told, and what is `said` of the run: to the head's process; yields what pages show."""
         news, self.news = self.news, []
         for note in [*news, note_of(HEAD, "warning", said)] if said else news:
             self._notes.append(note)
             if note.level != "info":
-                yield Send(HEAD, note)
+                yield note
 
     def take_notes(self) -> list[Note]:
         """What was told since this was asked last. Another thread may ask."""
@@ -218,7 +218,7 @@ class Register:
         if now >= self._due:
             self._due = now + REPEAT_S
             present = sorted(self.members.keys() - self._absent.keys())
-            yield Broadcast(Membership(members=tuple(self.members[rank] for rank in present)))
+            yield Broadcast(Membership(members=tuple(replace(self.members[rank], page="") for rank in present)))
 
 
 class Standing:

@@ -35,7 +35,7 @@ from wall.roles.instructions import (
     total,
 )
 from wall.roles.membership import Standing
-from wall.roles.plan import HEAD, Plan
+from wall.roles.plan import Plan
 from wall.roles.region_renderer import LOOK_AGAIN_S, RegionRenderer
 from wall.roles.renderer_image import RendererImage
 from wall.roles.status import Rates
@@ -63,7 +63,7 @@ class Renderer:
         self._followed = 0  # number of the assignment whose regions these are
         self._past, self._past_seconds = Work(), 0.0  # done for regions before, and in what time
         targets = {layer.compositor for layer in layout.graph.layers} if layout.strips else {r.target for r in own}
-        targets = targets if image is None else target_ranks(layout.graph, hello.rank) | {HEAD}
+        targets = targets if image is None else target_ranks(layout.graph, hello.rank) | {layout.graph.page_rank}
         self.standing = Standing(hello, targets, layout.config.transport)
         self._sent = Sent()
         self._rates = Rates(RATE_SPAN_S)

@@ -11,10 +11,11 @@ import fcntl
 import json
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TextIO
 
 from wall.core.errors import RunError
 
@@ -40,30 +41,47 @@ def new_key() -> str:
 
 
 @contextmanager
-def announced(folder: Path, control: Control) -> Iterator[None]:
-    """While inside, `folder` has the file. Raises RunError where it cannot be written, or is another wall's."""
-    path, part = folder / NAME, folder / f".{NAME}.{os.getpid()}"
+def announced(folder: Path, control: Control) -> Iterator[Callable[[str], None]]:
+    """While inside, `folder` has the file; yields what says where the page is, once that is known.
+
+    Raises RunError where it cannot be written, or is another wall's.
+    """
     check_free(folder)
+    newest = control
+    with contextlib.ExitStack() as files:
+        files.enter_context(_written(folder, control))
+
+        def tell_page(page: str) -> None:
+            nonlocal newest
+            newest = replace(control, page=page)
+            files.enter_context(_written(folder, newest))
+
+        try:
+            yield tell_page
+        finally:
+            with contextlib.suppress(RunError, OSError):
+                if read(folder) == newest:  # else another wall uses the folder by now
+                    (folder / NAME).unlink()
+
+
+def _written(folder: Path, control: Control) -> TextIO:
+    """The folder's file, with this in it; locked as long as it is open. Raises RunError."""
+    path, part = folder / NAME, folder / f".{NAME}.{os.getpid()}"
     try:
         part.unlink(missing_ok=True)
         file = open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8")  # noqa: SIM115
     except OSError as error:
         raise RunError(f"cannot write {path}: {error.strerror or error}") from error
-    with file:  # open, and so locked, until the end
-        try:
-            json.dump(asdict(control), file)
-            file.flush()
-            with contextlib.suppress(OSError):  # of a file system without locks
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            part.replace(path)
-        except OSError as error:
-            raise RunError(f"cannot write {path}: {error.strerror or error}") from error
-        try:
-            yield
-        finally:
-            with contextlib.suppress(RunError, OSError):
-                if read(folder) == control:  # else another wall uses the folder by now
-                    path.unlink()
+    try:
+        json.dump(asdict(control), file)
+        file.flush()
+        with contextlib.suppress(OSError):  # of a file system without locks
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        part.replace(path)
+    except OSError as error:
+        file.close()
+        raise RunError(f"cannot write {path}: {error.strerror or error}") from error
+    return file
 
 
 @contextmanager

@@ -37,7 +37,7 @@ from wall.run.joined import Inviter
 from wall.run.journal import Journal
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
-from wall.run.ranks import compositor_loop, open_data_hub, told_again, ways_of
+from wall.run.ranks import compositor_loop, hello_of, open_data_hub, told_again, ways_of
 from wall.run.sinks import (
     PageAt,
     distinct,
@@ -116,7 +116,8 @@ class HeadProcess:
         self._sinks: list[Sink] = []
         self._signals, self._told = EndSignals(self._end), ""  # why this process was first told to end
         self._apart = WriterApart(self._save)
-        self._managed = False
+        self._managed, self._page = False, ""  # where another compositor serves it, as people were told
+        self._tell_page: Callable[[str], None] | None = None
         self.failures: list[str] = []
         self.summary: dict[str, Any] | None = None  # None: the run did not even begin
 
@@ -173,7 +174,8 @@ class HeadProcess:
                 metrics.tell(status)
 
         closing.later(self._apart.wait)
-        self._loop = loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, self._preparer, shown=shown)
+        hello = hello_of(HEAD, data.endpoint)
+        self._loop = loop = compositor_loop(plan, hello, data, ways, clock, sinks, self._preparer, shown=shown)
         began = clock.now()
         self._manager = Manager(
             plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete, key=key,
@@ -192,6 +194,7 @@ class HeadProcess:
                 journal.take(note)
                 if note.level == "warning":
                     say(f"note: {note.said}")
+            self._follow_page(say, opened)
             return ()
 
         closing.callback(tell)
@@ -200,6 +203,7 @@ class HeadProcess:
             tell,
         ]  # fmt: skip
         manager_ways.answer_page = page_answers(sinks)
+        manager_ways.page = None if browser else (plan.layout.graph.page_rank, key)
         if not control.endpoint.startswith(LOOPBACK):
             sources.append(self._invitations)
         page = browser.address if browser else ""
@@ -218,8 +222,9 @@ class HeadProcess:
         )  # fmt: skip
         self._signals.install()
         closing.later(Saver(self._save_summary).close)
-        with self._reachable(control.endpoint, key, served.address if (served := browser or metrics) else ""):
-            if before is None:
+        served = browser or metrics
+        with self._reachable(control.endpoint, key, served.address if served else "") as self._tell_page:
+            if before is None and (options.headless or plan.layout.graph.page_rank == HEAD):
                 opened(page)
             managing.start()
             self._managed = True  # it tells ranks to end
@@ -242,8 +247,22 @@ class HeadProcess:
             manager.register.news.append(note_of(HEAD, "warning", lacks))
         return ()
 
-    def _reachable(self, endpoint: str, key: str, page: str) -> AbstractContextManager[None]:
-        """While inside, other processes find the manager."""
+    def _follow_page(self, say: Say, opened: Say) -> None:
+        """Say where another compositor serves the page, once it has said so, and whenever that changes."""
+        assert self._manager is not None
+        if self._manager.page in ("", self._page) or self._tell_page is None:
+            return
+        first, self._page = not self._page, self._manager.page
+        self._tell_page(self._page)
+        host = self._host_of(self._plan.layout.graph.page_rank)
+        here = host == self._host_of(HEAD)
+        if first:
+            opened(self._page if here else "")
+        if not first or not here:
+            say(f"note: {host} serves the page at {self._page}")
+
+    def _reachable(self, endpoint: str, key: str, page: str) -> AbstractContextManager[Callable[[str], None] | None]:
+        """While inside, other processes find the manager; gives what tells them of a page that comes later."""
         if endpoint.startswith(LOOPBACK):
             return nullcontext()
         keys = self._bootstrap.keys

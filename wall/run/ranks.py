@@ -32,7 +32,7 @@ from wall.run.joined import JoinedBootstrap
 from wall.run.loop import Loop, OnShown, Source
 from wall.run.ports import Ports
 from wall.run.recording import RecordedClock, RecordedPorts, file_of
-from wall.run.sinks import distinct, lay_out, make_sinks, notes_of, save_images, window_input_of
+from wall.run.sinks import distinct, lay_out, make_sinks, notes_of, page_answers, save_images, window_input_of
 from wall.run.succession import Preparer, Succession
 from wall.run.tracers import OnTraced, Tracers
 from wall.run.turns import Turns
@@ -152,21 +152,23 @@ def _compose(
         hub = open_data_hub(plan, bootstrap.keys)
         ports = ways_of(plan, bootstrap, address, clock, hub)
         closing.callback(ports.close)
-        sinks, _ = make_sinks(plan, rank, out, headless=headless, again="life" in address)
+        sinks, browser = make_sinks(plan, rank, out, headless=headless, again="life" in address)
+        ports.answer_page = page_answers(sinks)
         for sink in distinct(sinks):
             closing.callback(sink.close)
         if bootstrap.killed_soon:
             apart = WriterApart(partial(save_images, distinct(sinks)))
             closing.callback(apart.wait)
             EndSignals(lambda reason: apart.begin()).install()
-        for note in notes_of(sinks):
+        for note in (*notes_of(sinks), *(browser.notes if browser else ())):
             ports.note("warning", note)
-        compositor_loop(plan, rank, hub, ports, clock, sinks, preparer, [window_input_of(rank, sinks)]).run()
+        hello = replace(hello_of(rank, hub.endpoint), page=browser.address if browser else "")
+        compositor_loop(plan, hello, hub, ports, clock, sinks, preparer, [window_input_of(rank, sinks)]).run()
 
 
 def compositor_loop(
     plan: Plan,
-    rank: int,
+    hello: Hello,
     hub: Hub,
     ports: Ports,
     clock: HeadClock,
@@ -176,7 +178,7 @@ def compositor_loop(
     shown: OnShown | None = None,
 ) -> Loop:
     """A compositor, at the head or elsewhere; `shown` is told of what its sinks are given."""
-    hello = hello_of(rank, hub.endpoint)
+    rank = hello.rank
     sink_of = dict(zip((step.node.id for step in plan.layout.graph.sinks_on(rank)), sinks, strict=True))
 
     def make(plan: Plan) -> Compositor:

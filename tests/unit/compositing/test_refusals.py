@@ -171,11 +171,6 @@ PLACEMENT = {
         "12:47: graph.nodes[4].on = 'panel': this node holds pixels of panels of compositors 0, 1; "
         "accepted: head or compositor N",
     ),
-    "a sink away from the head": (
-        nodes(*WHOLE[:5], "id: page, op: sink, kind: browser, input: w, on: compositor 1", head=TWO),
-        "13:57: graph.nodes[5].on = 'compositor 1': the page is served by the head, which knows how all are; "
-        "accepted: head",
-    ),
 }
 PIXELS = {
     "a crop outside": (

@@ -212,11 +212,11 @@ graph:
 
 
 class Pair:
-    """A remote compositor that has the only panel, and what the head composes of it."""
+    """A compositor that has the only panel, 1 if it is not named, and what the other one composes of it."""
 
-    def __init__(self) -> None:
-        plan = plan_of(TEXT + ELSEWHERE)
-        self.remote, self.head = Compositor(plan, hello_of(1), lambda rank: rank == HEAD), Composition(plan, HEAD)
+    def __init__(self, graph: str = ELSEWHERE, *, maker: int = 1) -> None:
+        plan, other = plan_of(TEXT + graph), 1 - maker
+        self.remote, self.head = Compositor(plan, hello_of(maker), lambda rank: rank == other), Composition(plan, other)
         self.rank, self.now = plan.layout.renderers()[0], 0.0
 
     def show(self, event: Event, *batches: Batch) -> None:
@@ -230,8 +230,16 @@ class Pair:
         self.head.refresh(event, self.now)
 
 
-def test_a_remote_compositor_sends_both_images_and_statistics_only_while_asked(plan: Plan) -> None:
-    pair, event = Pair(), first_event(plan, 0.0)
+PAGE_ELSEWHERE = ELSEWHERE.replace("on: compositor 1", "on: head").replace(
+    "kind: png, input: p", "kind: browser, input: p, on: compositor 1"
+)
+
+
+@pytest.mark.parametrize(("graph", "maker"), [(ELSEWHERE, 1), (PAGE_ELSEWHERE, HEAD)], ids=["head", "page elsewhere"])
+def test_a_remote_compositor_sends_both_images_and_statistics_only_while_asked(
+    plan: Plan, graph: str, maker: int
+) -> None:
+    pair, event = Pair(graph, maker=maker), first_event(plan, 0.0)
     pair.show(event, flat(1.0, event, adaptive=True))
     assert pair.head.statistics_images(0.0, comparing=False) == ()
 

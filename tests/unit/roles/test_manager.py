@@ -8,19 +8,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from manager_run import ELSEWHERE, TEXT, Run, hello
+from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
 
 from wall.config.loading import loads
 from wall.core.data import Event
 from wall.core.errors import RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Heartbeat, Selection, Statistics, WindowInput
+from wall.packets.control import Heartbeat, Membership, Selection, Statistics, WindowInput
+from wall.packets.notes import Note, note_of
 from wall.roles.director import Director
 from wall.roles.instructions import End, Packet
 from wall.roles.manager import HOLD_S, SETTLED_S
 from wall.roles.plan import HEAD, Plan, make_layout, make_plan
 from wall.roles.status import Latency, samplers_of
+
+PAGE_ELSEWHERE = ELSEWHERE.replace("window, input: panel", "browser, input: panel, on: compositor 1")
 
 
 def command(**words: Any) -> Command:
@@ -277,6 +280,22 @@ def test_what_nobody_sends_is_counted(plan: Plan) -> None:
     run.tell(Packet(b"stray"), hello(7), *run.beats(9))
     assert run.manager.counters == {"stray_packet": 1, "bad_message": 2}
     assert run.manager.register.members == {}
+
+
+def test_the_compositor_that_serves_the_page_hears_what_the_head_hears_and_steers() -> None:
+    run = Run(plan_of(TEXT + PAGE_ELSEWHERE))
+    (beat,) = run.beats(2)
+    address = "http://host1:8800/?token=secret"
+    said = run.tell(replace(hello(1), page=address), beat, note_of(2, "warning", "it is warm"))
+    for kind in (Heartbeat, Note):
+        assert [to for to, message in said if isinstance(message, kind)] == [HEAD, 1]
+    told = [message for _, message in said + run.tell(after=0.1) if isinstance(message, Membership)]
+    assert [member.page for member in told[-1].members] == [""], "others do not get the token"
+    assert run.manager.page == address
+    said = run.tell(WindowInput(rank=1, commands=[{"kind": "bookmark", "value": "3"}]))
+    assert [to for to, message in said if isinstance(message, Selection)] == [HEAD, 1]
+    run.tell(WindowInput(rank=2, commands=[{"kind": "bookmark", "value": "4"}]))
+    assert run.manager.counters == {"bad_message": 1}
 
 
 def test_the_head_hears_every_heartbeat_and_everybody_the_head_s_statistics(elsewhere: Plan) -> None:

@@ -135,6 +135,27 @@ def test_nobody_asks_in_the_name_of_the_page() -> None:
     close(link, ports)
 
 
+def test_viewers_ask_through_the_rank_that_serves_the_page_alone() -> None:
+    control = LoopbackHub(credit_bytes=1)
+    ports, page, stranger = Ports(MANAGER, HeadClock(), hub=control), *(LoopbackLink(control.endpoint) for _ in "ab")
+    ports.page = (1, "the run's")
+    for rank, link in ((1, page), (2, stranger)):
+        link.send(serialise(Heartbeat(rank=rank, time=0.0)))
+        link.send(serialise(EditRequest(client=PAGE, number=rank, key="", undo=1)))
+    came = [message for message in ports.receive() if isinstance(message, EditRequest)]
+    assert came == [EditRequest(client=PAGE, number=1, key="the run's", undo=1)]
+    assert ports.drops() == {"stranger": 1}
+    answer = EditAnswer(client=PAGE, number=1, refused="", edit=2)
+    ports.send(PAGE, answer)
+    told = list[EditAnswer]()
+    rank = Ports(1, HeadClock(), hub=None, manager=page)
+    rank.answer_page = told.append
+    assert list(rank.receive()) == []
+    assert told == [answer]
+    assert list(stranger.receive()) == []
+    close(rank, stranger, ports)
+
+
 def test_a_rank_speaks_by_the_link_by_which_it_spoke_first_as_long_as_that_is_open() -> None:
     control = LoopbackHub(credit_bytes=1)
     ports, honest, stranger = Ports(MANAGER, HeadClock(), hub=control), *(LoopbackLink(control.endpoint) for _ in "ab")

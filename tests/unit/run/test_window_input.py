@@ -20,7 +20,7 @@ from wall.roles.plan import HEAD, Plan, make_layout, make_plan
 from wall.run.clock import HeadClock
 from wall.run.loop import Loop
 from wall.run.ports import Ports
-from wall.run.ranks import compositor_loop
+from wall.run.ranks import compositor_loop, hello_of
 from wall.run.sinks import make_sinks, window_input_of
 from wall.run.succession import Preparer
 from wall.transport.loopback import LoopbackHub, LoopbackLink
@@ -66,7 +66,8 @@ def remote(plan: Plan, control: LoopbackHub) -> Iterator[tuple[Loop, WindowSink]
     ports = Ports(RANK, clock, hub=hub, manager=LoopbackLink(control.endpoint))
     preparer = Preparer(plan, [""] * plan.layout.size)
     try:
-        yield compositor_loop(plan, RANK, hub, ports, clock, [sink], preparer, [window_input_of(RANK, [sink])]), sink
+        sources = [window_input_of(RANK, [sink])]
+        yield compositor_loop(plan, hello_of(RANK, hub.endpoint), hub, ports, clock, [sink], preparer, sources), sink
     finally:
         sink.close()
         ports.close()

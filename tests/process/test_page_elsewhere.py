@@ -1,0 +1,84 @@
+"""A page that another compositor than the head serves: viewers see, ask and steer there, also once it has died."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from running import comes, page_of, shown, start, summary, until, write_config
+
+from wall.client import connect
+from wall.core.errors import EditError
+from wall.run.control_file import read
+
+GRAPH = """\
+graph:
+  compositors: 2
+  nodes:
+    - {id: left, op: samples, panel: r0c0}
+    - {id: right, op: samples, panel: r0c1}
+    - {id: p0, op: reconstruct, input: left, on: head}
+    - {id: p1, op: reconstruct, input: right, on: compositor 1}
+    - {id: seen, op: tile, inputs: [p0, p1], on: compositor 1}
+    - {id: page, op: sink, kind: browser, input: seen, on: compositor 1}
+    - {id: kept, op: tile, inputs: [p0, p1], on: head}
+    - {id: files, op: sink, kind: png, input: kept}
+"""
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[tuple[Path, str, subprocess.Popen[str]]]:
+    """A still wall's folder of results, its page's address, and its process."""
+    config = write_config(tmp_path, columns=2, restarts=1, encrypt="always")
+    lines = [GRAPH.rstrip() if line.startswith("graph:") else line for line in config.read_text().splitlines()]
+    config.write_text("\n".join(lines) + "\n")
+    process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 100)
+    yield tmp_path / "OUT", page_of(process), process
+    process.terminate()
+    try:
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+    ranks = summary(tmp_path / "OUT")["ranks"]
+    assert [rank["role"] for rank in ranks] == ["head", "compositor", "renderer", "renderer"]
+
+
+def status(address: str) -> dict[str, Any]:
+    with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
+        found: dict[str, Any] = json.load(answer)
+    return found
+
+
+def test_viewers_see_ask_and_steer_at_another_compositor(
+    running: tuple[Path, str, subprocess.Popen[str]],
+) -> None:
+    out, address, process = running
+    first = until(address, shown(address), changes=False)
+    comes(lambda: all(rank["alive"] for rank in status(address)["ranks"]), "all ranks in the page's table")
+    assert read(out).page == address
+    with connect(address) as run:
+        assert run.set({"lights.2.irradiance": (0, 0, 9)}) == 1
+        blue = until(address, first)
+        assert (blue - first)[..., 2].mean() > 5
+        with pytest.raises(EditError, match="irradiance = -1: want three numbers"):
+            run.set({"lights.2.irradiance": -1})
+        assert run.undo() == 2
+        assert np.abs(until(address, blue) - first).max() <= 1
+        run.orbit(0.5)
+        until(address, first)
+        run.reset()
+
+    there = status(address)["totals"][1]["process"]
+    assert there != process.pid
+    os.kill(there, signal.SIGKILL)
+    comes(lambda: read(out).page != address, "the address of a page that was started again")
+    again = read(out).page
+    assert np.abs(until(again, shown(again), changes=False) - first).max() <= 1
