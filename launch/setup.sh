@@ -18,10 +18,12 @@ setup() {
         return 1
     }
     echo "setting up .venv (once; up to a minute)"
-    "$python" -m venv "$here/.venv" || {
-        echo "could not make a virtual environment; on Debian: apt install python3-venv" >&2
-        return 1
-    }
+    if [ "$("$here/.venv/bin/python" -VV 2>/dev/null)" != "$("$python" -VV)" ] || [ ! -x "$here/.venv/bin/pip" ]; then
+        "$python" -m venv "$here/.venv" || {
+            echo "could not make a virtual environment; on Debian: apt install python3-venv" >&2
+            return 1
+        }
+    fi
     export PATH="$here/.venv/bin:$PATH"
     _install_wall "$here" "$extras" || { echo "installing failed; the lines above say why" >&2; return 1; }
     echo "$wanted" > "$stamp"

@@ -52,7 +52,7 @@ def test_a_page_of_another_format_loads_itself_anew(page, source, monkeypatch):
 def test_a_page_that_may_only_watch_shows_the_wall_and_has_nothing_that_steers(chromium, source_with_tokens):
     sink = source_with_tokens.sink
     page = chromium.new_context(viewport={"width": 640, "height": 480}).new_page()
-    page.goto(next(word for word in sink.notes[0].split() if "?token=" in word))
+    page.goto(sink.watch_address)
     eventually(page, lambda: page.evaluate("Boolean(document.body.dataset.picture)"), "the wall")
     eventually(page, lambda: "to watch only" in page.locator("#state").inner_text(), "what the page is for")
     assert "token" not in page.url

@@ -122,6 +122,8 @@ def test_values_follow_edits_by_others_and_the_button_takes_them_back(panel, sou
         ("integrator.depth", "7.6 surfaces", [8]),
         ("lights.0.intensity", "3", [3, 3, 3]),
         ("lights.1.direction", "1, -1e-1 0", [1, -0.1, 0]),
+        ("exposure", "\u22122", [-2]),
+        ("lights.0.intensity", "#FF0000", [1, 0, 0]),
     ],
 )
 def test_a_value_is_typed(panel, source, name, typed, sent):
@@ -133,7 +135,9 @@ def test_a_value_is_typed(panel, source, name, typed, sent):
     assert source.received == [{"kind": "set", "name": name, "numbers": sent}]
 
 
-@pytest.mark.parametrize(("typed", "key"), [("5", "Escape"), ("nothing", "Enter"), ("1 2", "Enter")])
+@pytest.mark.parametrize(
+    ("typed", "key"), [("5", "Escape"), ("nothing", "Enter"), ("1 2", "Enter"), ("#ff8000", "Enter"), ("2px", "Enter")]
+)
 def test_what_is_typed_and_left_or_no_value_changes_nothing(panel, source, typed, key):
     field = panel.get_by_label("exposure, value")
     field.click()

@@ -35,9 +35,9 @@ graph:
 
 
 @pytest.fixture
-def running(tmp_path: Path) -> Iterator[tuple[Path, str, subprocess.Popen[str]]]:
+def running(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Path, str, subprocess.Popen[str]]]:
     """A still wall's folder of results, its page's address, and its process."""
-    config = write_config(tmp_path, columns=2, restarts=1, encrypt="always")
+    config = write_config(tmp_path, columns=2, restarts=1, encrypt=request.param)
     lines = [GRAPH.rstrip() if line.startswith("graph:") else line for line in config.read_text().splitlines()]
     config.write_text("\n".join(lines) + "\n")
     process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 100)
@@ -57,6 +57,7 @@ def status(address: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.parametrize("running", ["always", "never"], indirect=True)
 def test_viewers_see_ask_and_steer_at_another_compositor(
     running: tuple[Path, str, subprocess.Popen[str]],
 ) -> None:
@@ -82,3 +83,20 @@ def test_viewers_see_ask_and_steer_at_another_compositor(
     comes(lambda: read(out).page != address, "the address of a page that was started again")
     again = read(out).page
     assert np.abs(until(again, shown(again), changes=False) - first).max() <= 1
+    with connect(again) as run:
+        assert run.set({"lights.2.irradiance": (0, 0, 9)}) == 3, "no answer to a request of the page before"
+        assert np.abs(until(again, first) - blue).max() <= 1
+    assert status(again)["seconds"] > 2.0, "the run's time goes on"
+
+
+def test_inside_one_process_such_a_page_is_announced_too(tmp_path: Path) -> None:
+    config = write_config(tmp_path, columns=2, transport="loopback")
+    lines = [GRAPH.rstrip() if line.startswith("graph:") else line for line in config.read_text().splitlines()]
+    config.write_text("\n".join(lines) + "\n")
+    process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 100)
+    try:
+        address = page_of(process)
+        until(address, shown(address), changes=False)
+    finally:
+        process.terminate()
+        assert process.wait(20) == 0

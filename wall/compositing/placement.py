@@ -50,6 +50,7 @@ class Placement:
                 continue
             rank = asked.get(node.id)
             found[node.id] = rank if rank is not None else self._chosen(node, found, panels[node.id])
+        self._pages_together(order, found)
         self._all_work(found)
         self.hosts |= self._renderer_hosts
         return found
@@ -121,6 +122,13 @@ class Placement:
             return None
         self.hosts[free[0]] = host
         return free[0]
+
+    def _pages_together(self, order: Sequence[Node], found: Mapping[str, int]) -> None:
+        pages = [node for node in order if isinstance(node, SinkNode) and node.kind == "browser"]
+        for node in pages[1:]:
+            if found[node.id] != (rank := found[pages[0].id]):
+                what = f"{pages[0].id} is a page of rank {rank}, and all pages are served by one compositor"
+                self._refusals.add(node, ["on"], what, "head" if rank == HEAD else f"compositor {rank}")
 
     def _all_work(self, found: Mapping[str, int]) -> None:
         idle = sorted(set(range(1, self._config.compositors)) - set(found.values()))

@@ -6,6 +6,7 @@ All errors of a file are reported at once, in the order of the file.
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -153,7 +154,8 @@ def default_for_model(path: str | Path) -> Loaded:
 def with_scene(loaded: Loaded, source: str | Path) -> Loaded:
     """The same wall around another model: its own lights and motion, framed and circled.
 
-    Views that follow another's camera still do; of several, those that stand keep which way they look.
+    Views that follow another's camera still do. Those that have a direction keep it, and so do, of several, those that
+    stand: they look the way they did.
     """
     file = Path(source)  # beside the caller, not beside the configuration; built-in scenes have no suffix
     text = str(file.absolute()) if file.suffix or file.exists() else str(source)
@@ -171,11 +173,12 @@ def _around_another_model(view: ViewConfig, *, stands: bool) -> ViewConfig:
     camera = view.camera
     if camera.follow is not None:
         return view
-    if stands:
+    if stands or camera.direction is not None:
         direction = camera.direction
         if camera.position is not None and camera.target is not None:
             (x, y, z), (to_x, to_y, to_z) = camera.position, camera.target
-            direction = (to_x - x, to_y - y, to_z - z)
+            away = math.dist(camera.position, camera.target)
+            direction = ((to_x - x) / away, (to_y - y) / away, (to_z - z) / away)
         update: dict[str, Any] = {"camera": CameraConfig(direction=direction, up=camera.up, fov=camera.fov)}
     else:
         path = view.path if isinstance(view.path, OrbitPathConfig) else OrbitPathConfig(type="orbit")

@@ -45,6 +45,7 @@ STATUS_PERIOD_S = 0.25  # as often as numbers can be read
 MAX_VIEWERS = 8
 KEPT_FOR_STEERING = 2  # of them, where others only watch
 MAX_COMMANDS = 256  # 4 s of one viewer's dragging
+LONGEST_ANSWER_S = 600.0  # for that of the run, which may compile for another configuration; then it is refused
 HEARTBEAT_S = 5.0  # a viewer whose machine vanished is forgotten after about this time
 
 
@@ -103,9 +104,8 @@ class Browser:
         }
         where, (steer, watch) = self._server.start(routes, self._say_goodbye), self._gate.queries
         self.address, self.tokens = where + steer, self._gate.tokens
+        self.watch_address = where + watch if access.tokens else ""  # for those who are not to steer
         self.notes: tuple[str, ...] = ()  # what its users should know
-        if access.tokens:
-            self.notes = (f"to watch the wall without steering it: {where}{watch}",)
         if access.tokens and access.tls is None:
             self.notes += ("the page is not encrypted (output.browser.tls): who listens can read its token",)
 
@@ -273,6 +273,8 @@ class Browser:
             refused = "too many commands at once"
         else:
             self._commands.append(own)
+            late = Answer(refused=f"no answer from the run for {LONGEST_ANSWER_S:g} s")
+            self._loop.call_later(LONGEST_ANSWER_S, self._answer, number, late)  # unless it is answered by then
             return
         self._answer(number, Answer(refused=refused))
 

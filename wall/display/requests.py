@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import secrets
 from collections.abc import Mapping
 from typing import Any, Generic, TypeVar
 
@@ -27,7 +28,8 @@ class Requests(Generic[V]):
 
     def __init__(self, *, loads: bool) -> None:
         """`loads`: whether configurations are taken."""
-        self._numbers, self._loads = itertools.count(1), loads
+        # answers to a page that served before are not taken for those to this one
+        self._numbers, self._loads = itertools.count(1 + secrets.randbits(48)), loads
         self.choices: Choices | None = None
         self._open: dict[int, tuple[V, dict[str, Any]]] = {}
 

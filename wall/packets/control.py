@@ -12,7 +12,7 @@ import math
 import struct
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from wall.core.data import Event, StatisticsImage
@@ -54,7 +54,12 @@ class Hello:
     endpoint: str  # where other ranks connect to; "" where none does
     incarnation: int  # differs each time that the rank is started
     key: str = ""  # CURVE, of one that has joined; "": of the start, or none
-    page: str = ""  # address of the page that it serves, with the token; the membership does not tell it
+    page: str = ""  # address of the page that it serves, with the token
+    watch: str = ""  # likewise, with the token of those who only watch
+
+    def without_page(self) -> Hello:
+        """What other ranks get to know."""
+        return replace(self, page="", watch="")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

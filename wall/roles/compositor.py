@@ -266,6 +266,9 @@ class Compositor:
 
     def _make_status(self, event: Event, now: float) -> Iterator[Instruction]:
         self._status_due = now + STATUS_PERIOD_S
+        if self._rank != HEAD and (head := self._beats.get(HEAD)) is not None:  # which may have begun before
+            began = head.time - head.seconds
+            self.run_began = began if self.run_began is None else min(began, self.run_began)
         (refreshes_per_s,) = self._refresh_rate.at(now, self.refreshes)
         oldest = {index: layer.oldest_sample(now) for index, layer in self.composition.layers.items()}
         for layer in self._plan.layout.graph.layers:

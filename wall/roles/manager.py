@@ -79,9 +79,9 @@ class Manager:
         layout = plan.layout
         self.due = now
         self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
-        self._told_due: dict[int, float] = {}  # by rank: from then on the head is told of the next one
+        self._told_due: dict[int, float] = {}  # by rank: from then on reporters are told of the next one
         self.escape = ""  # where Escape was pressed
-        self.page = ""  # where another compositor serves it
+        self.page_server: Hello | None = None  # another compositor that serves the page
         self.ended = ""  # why the run ends, once it does
         self.counters, self.configurations = Counter[str](), 1  # that the run has had
         self._seconds, self._until_complete = seconds, until_complete
@@ -168,7 +168,7 @@ class Manager:
                     yield Send(message.rank, self.balancer.assignment)
                 if message.rank in self._reporters and self.commands.selection != Selection():
                     yield Send(message.rank, self.commands.selection)
-                self.page = message.page if message.page and message.rank in self._reporters else self.page
+                self.page_server = message if message.page and message.rank in self._reporters else self.page_server
                 if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
                     yield Send(message.rank, Stop(reason=self.ended))
             elif isinstance(message, SignOfLife):

@@ -218,7 +218,7 @@ class Register:
         if now >= self._due:
             self._due = now + REPEAT_S
             present = sorted(self.members.keys() - self._absent.keys())
-            yield Broadcast(Membership(members=tuple(replace(self.members[rank], page="") for rank in present)))
+            yield Broadcast(Membership(members=tuple(self.members[rank].without_page() for rank in present)))
 
 
 class Standing:
@@ -268,6 +268,6 @@ class Standing:
     def beat(self, heartbeat: Heartbeat, now: float) -> Iterator[Send]:
         """Send a heartbeat, and a Hello as long as the manager does not list this rank."""
         self._beat_due = now + self._transport.heartbeat_s
-        if self.members.get(self._hello.rank) != self._hello:
+        if self.members.get(self._hello.rank) != self._hello.without_page():
             yield Send(MANAGER, self._hello)
         yield Send(MANAGER, heartbeat)

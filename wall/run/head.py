@@ -20,6 +20,7 @@ from wall.display.base import Sink, Status, WallImage
 from wall.display.files import replaced
 from wall.display.image_log import ImageLog
 from wall.display.saving import Saver
+from wall.packets.control import Hello
 from wall.packets.notes import Level, note_of
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import MANAGER, Died, End, Invitation
@@ -38,6 +39,7 @@ from wall.run.journal import Journal
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, hello_of, open_data_hub, told_again, ways_of
+from wall.run.served_elsewhere import ServedElsewhere
 from wall.run.sinks import (
     PageAt,
     distinct,
@@ -116,8 +118,7 @@ class HeadProcess:
         self._sinks: list[Sink] = []
         self._signals, self._told = EndSignals(self._end), ""  # why this process was first told to end
         self._apart = WriterApart(self._save)
-        self._managed, self._page = False, ""  # where another compositor serves it, as people were told
-        self._tell_page: Callable[[str], None] | None = None
+        self._managed = False
         self.failures: list[str] = []
         self.summary: dict[str, Any] | None = None  # None: the run did not even begin
 
@@ -139,7 +140,8 @@ class HeadProcess:
         control = open_data_hub(plan, with_guests, again=before.where.endpoint if before is not None else "")
         manager_ways = Ports(MANAGER, clock, hub=control)
         closing.later(manager_ways.close)
-        address = {"manager": control.endpoint, "machine": machine_id()}
+        elsewhere = not options.headless and plan.layout.graph.page_rank != HEAD
+        address = {"manager": control.endpoint, "machine": machine_id()} | ({"key": key} if elsewhere else {})
         self._bootstrap.broadcast(json.dumps(address))
         self._address = address
         journal = Journal(options.out, self._host_of)
@@ -159,6 +161,8 @@ class HeadProcess:
             closing.later(sink.close)
         for note in (*notes_of(sinks), *(browser.notes if browser else ())):
             say(f"note: {note}")
+        if browser and browser.watch_address:
+            say(f"note: to watch the wall without steering it: {browser.watch_address}")
         log = ImageLog(options.images) if options.images is not None else None
         if log is not None:
             closing.later(log.close)
@@ -174,8 +178,11 @@ class HeadProcess:
                 metrics.tell(status)
 
         closing.later(self._apart.wait)
-        hello = hello_of(HEAD, data.endpoint)
-        self._loop = loop = compositor_loop(plan, hello, data, ways, clock, sinks, self._preparer, shown=shown)
+        page_elsewhere = ServedElsewhere(self._page_server, say, opened, announces=before is None)
+        self._loop = loop = compositor_loop(
+            plan, hello_of(HEAD, data.endpoint), data, ways, clock, sinks, self._preparer, [page_elsewhere.look],
+            shown=shown,
+        )  # fmt: skip
         began = clock.now()
         self._manager = Manager(
             plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete, key=key,
@@ -194,7 +201,6 @@ class HeadProcess:
                 journal.take(note)
                 if note.level == "warning":
                     say(f"note: {note.said}")
-            self._follow_page(say, opened)
             return ()
 
         closing.callback(tell)
@@ -203,7 +209,7 @@ class HeadProcess:
             tell,
         ]  # fmt: skip
         manager_ways.answer_page = page_answers(sinks)
-        manager_ways.page = None if browser else (plan.layout.graph.page_rank, key)
+        manager_ways.page_rank = plan.layout.graph.page_rank if elsewhere else None
         if not control.endpoint.startswith(LOOPBACK):
             sources.append(self._invitations)
         page = browser.address if browser else ""
@@ -223,8 +229,8 @@ class HeadProcess:
         self._signals.install()
         closing.later(Saver(self._save_summary).close)
         served = browser or metrics
-        with self._reachable(control.endpoint, key, served.address if served else "") as self._tell_page:
-            if before is None and (options.headless or plan.layout.graph.page_rank == HEAD):
+        with self._reachable(control.endpoint, key, served.address if served else "") as page_elsewhere.write:
+            if before is None and not elsewhere:
                 opened(page)
             managing.start()
             self._managed = True  # it tells ranks to end
@@ -247,19 +253,8 @@ class HeadProcess:
             manager.register.news.append(note_of(HEAD, "warning", lacks))
         return ()
 
-    def _follow_page(self, say: Say, opened: Say) -> None:
-        """Say where another compositor serves the page, once it has said so, and whenever that changes."""
-        assert self._manager is not None
-        if self._manager.page in ("", self._page) or self._tell_page is None:
-            return
-        first, self._page = not self._page, self._manager.page
-        self._tell_page(self._page)
-        host = self._host_of(self._plan.layout.graph.page_rank)
-        here = host == self._host_of(HEAD)
-        if first:
-            opened(self._page if here else "")
-        if not first or not here:
-            say(f"note: {host} serves the page at {self._page}")
+    def _page_server(self) -> Hello | None:
+        return None if self._manager is None else self._manager.page_server
 
     def _reachable(self, endpoint: str, key: str, page: str) -> AbstractContextManager[Callable[[str], None] | None]:
         """While inside, other processes find the manager; gives what tells them of a page that comes later."""

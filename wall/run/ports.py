@@ -69,7 +69,7 @@ class Ports:
         self._former: deque[bytes] = deque(maxlen=FORMER)  # links of processes that were ranks, and are not any more
         self._ping_due, self._keys = 0.0, keys
         self.answer_page: Callable[[EditAnswer], None] | None = None  # where the page is: of its viewers
-        self.page: tuple[int, str] | None = None  # at the manager: the rank that serves it, and the run's key
+        self.page_rank: int | None = None  # at the manager: another compositor that serves it
         self._beater: Beater | None = None
         if manager is not None and heartbeat_s is not None:
             self._beater = Beater(rank, manager, clock, heartbeat_s)
@@ -120,8 +120,9 @@ class Ports:
         elif to == PAGE and self.answer_page is not None:
             if isinstance(message, EditAnswer):
                 self.answer_page(message)
-        elif to == PAGE and self.page is not None and self._hub is not None and self.page[0] in self._peers:
-            self._hub.send(self._peers[self.page[0]], self._answer(message))
+        elif to == PAGE:
+            if self._hub is not None and self.page_rank in self._peers:
+                self._hub.send(self._peers[self.page_rank], self._answer(message))
         elif self._hub is not None and to in self._peers:
             if to < FIRST_CLIENT:
                 self._hub.send(self._peers[to], serialise(message))
@@ -257,8 +258,8 @@ class Ports:
                 hub.send(peer, serialise(Pong(sent=message.sent, head_time=self._clock.now())))
             elif message is not None:
                 who = _sender(message)
-                if who == PAGE and self.page is not None and isinstance(message, EditRequest):
-                    who, message = self.page[0], replace(message, key=self.page[1])  # that rank lets viewers in
+                if who == PAGE and self.page_rank is not None and isinstance(message, EditRequest):
+                    who = self.page_rank  # viewers ask through it
                 if who is None or who == MANAGER:
                     ours = hub.proven(peer) in (None, HEAD)
                     self._counters["stranger"] += not ours

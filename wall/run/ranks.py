@@ -160,10 +160,13 @@ def _compose(
             apart = WriterApart(partial(save_images, distinct(sinks)))
             closing.callback(apart.wait)
             EndSignals(lambda reason: apart.begin()).install()
-        for note in (*notes_of(sinks), *(browser.notes if browser else ())):
+        hello, notes = hello_of(rank, hub.endpoint), notes_of(sinks)
+        if browser is not None:
+            hello, notes = replace(hello, page=browser.address, watch=browser.watch_address), (*notes, *browser.notes)
+        for note in notes:
             ports.note("warning", note)
-        hello = replace(hello_of(rank, hub.endpoint), page=browser.address if browser else "")
-        compositor_loop(plan, hello, hub, ports, clock, sinks, preparer, [window_input_of(rank, sinks)]).run()
+        sources = [window_input_of(rank, sinks, address.get("key", ""))]
+        compositor_loop(plan, hello, hub, ports, clock, sinks, preparer, sources).run()
 
 
 def compositor_loop(

@@ -19,7 +19,7 @@ MAX_CONTROL = 1024  # control messages that wait unread at one end
 MAX_CONTROL_BYTES = 1 << 21  # of a control message to a hub, and of all that wait there of one peer
 MAX_MESSAGE_BYTES = 1 << 24  # a larger message is not one of ours; anybody who connects may send one as large
 FIRST_CLIENT = 1 << 32  # processes beside the run have numbers from here on, ranks below
-PAGE = 1 << 33  # the head's page, whose viewers ask through the head; no process beside the run has a number from here
+PAGE = 1 << 33  # the page, whose viewers ask through who serves it; no process beside the run has a number from here
 GUEST, NOBODY = -2, -3  # whose key a peer has: that of processes beside the run; not known any more
 
 

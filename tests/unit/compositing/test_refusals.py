@@ -171,6 +171,14 @@ PLACEMENT = {
         "12:47: graph.nodes[4].on = 'panel': this node holds pixels of panels of compositors 0, 1; "
         "accepted: head or compositor N",
     ),
+    "pages of two compositors": (
+        nodes(
+            *WHOLE[:5], "id: page, op: sink, kind: browser, input: w",
+            "id: other, op: sink, kind: browser, input: w, on: compositor 1", head=TWO,
+        ),
+        "14:58: graph.nodes[6].on = 'compositor 1': page is a page of rank 0, and all pages are served by one "
+        "compositor; accepted: head",
+    ),
 }
 PIXELS = {
     "a crop outside": (

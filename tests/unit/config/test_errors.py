@@ -327,7 +327,7 @@ views:
     main, above, near = with_scene(loaded, "forest").config.views
 
     assert (main.camera.direction, main.path) == (None, loaded.config.views[0].path)
-    assert (above.camera.direction, above.camera.up, above.path) == ((0, -20, 0), (0, 0, -1), None)
+    assert (above.camera.direction, above.camera.up, above.path) == ((0, -1, 0), (0, 0, -1), None)
     assert near == loaded.config.views[2]
 
 

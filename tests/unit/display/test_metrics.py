@@ -71,7 +71,7 @@ def answers(address, *paths, token=""):
 
 def test_the_page_serves_metrics_to_those_whom_it_lets_watch(two_panels, image, status):
     with closing(Browser("127.0.0.1", 0, two_panels, access=Access(tokens=True, watch_token=FIXED))) as browser:
-        assert f"?token={FIXED}" in browser.notes[0]
+        assert f"?token={FIXED}" in browser.watch_address
         [(refused, _)] = answers(browser.address, "metrics", token="another-token-here")
         [(_, before)] = answers(browser.address, "metrics", token=FIXED)
         browser.show(image(1), status)

@@ -20,6 +20,7 @@ from wall.packets.notes import Note, note_of
 from wall.roles.director import Director
 from wall.roles.instructions import End, Packet
 from wall.roles.manager import HOLD_S, SETTLED_S
+from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan, make_layout, make_plan
 from wall.roles.status import Latency, samplers_of
 
@@ -286,12 +287,17 @@ def test_the_compositor_that_serves_the_page_hears_what_the_head_hears_and_steer
     run = Run(plan_of(TEXT + PAGE_ELSEWHERE))
     (beat,) = run.beats(2)
     address = "http://host1:8800/?token=secret"
-    said = run.tell(replace(hello(1), page=address), beat, note_of(2, "warning", "it is warm"))
+    server = replace(hello(1), page=address, watch=address + "2")
+    said = run.tell(server, beat, note_of(2, "warning", "it is warm"))
     for kind in (Heartbeat, Note):
         assert [to for to, message in said if isinstance(message, kind)] == [HEAD, 1]
     told = [message for _, message in said + run.tell(after=0.1) if isinstance(message, Membership)]
-    assert [member.page for member in told[-1].members] == [""], "others do not get the token"
-    assert run.manager.page == address
+    assert told[-1].members == (hello(1),), "others do not get the tokens"
+    assert run.manager.page_server == server
+    standing = Standing(server, [], run.manager.plan.layout.config.transport)
+    assert server in [send.message for send in standing.beat(beat, 0.0)]
+    list(standing.take(told[-1]))
+    assert [send.message for send in standing.beat(beat, 1.0)] == [beat], "it is listed"
     said = run.tell(WindowInput(rank=1, commands=[{"kind": "bookmark", "value": "3"}]))
     assert [to for to, message in said if isinstance(message, Selection)] == [HEAD, 1]
     run.tell(WindowInput(rank=2, commands=[{"kind": "bookmark", "value": "4"}]))

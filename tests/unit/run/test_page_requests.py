@@ -72,7 +72,7 @@ class Served:
     @property
     def watching(self) -> str:
         """The address that lets watch."""
-        return next(word for note in self.browser.notes for word in note.split() if "?token=" in word)
+        return self.browser.watch_address
 
     def positions(self) -> list[tuple[float, ...]]:
         return [tuple(event.camera.position) for event in self.manager.events]

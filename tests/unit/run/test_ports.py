@@ -138,12 +138,12 @@ def test_nobody_asks_in_the_name_of_the_page() -> None:
 def test_viewers_ask_through_the_rank_that_serves_the_page_alone() -> None:
     control = LoopbackHub(credit_bytes=1)
     ports, page, stranger = Ports(MANAGER, HeadClock(), hub=control), *(LoopbackLink(control.endpoint) for _ in "ab")
-    ports.page = (1, "the run's")
+    ports.page_rank = 1
     for rank, link in ((1, page), (2, stranger)):
         link.send(serialise(Heartbeat(rank=rank, time=0.0)))
-        link.send(serialise(EditRequest(client=PAGE, number=rank, key="", undo=1)))
+        link.send(serialise(EditRequest(client=PAGE, number=rank, key="k", undo=1)))
     came = [message for message in ports.receive() if isinstance(message, EditRequest)]
-    assert came == [EditRequest(client=PAGE, number=1, key="the run's", undo=1)]
+    assert came == [EditRequest(client=PAGE, number=1, key="k", undo=1)]
     assert ports.drops() == {"stranger": 1}
     answer = EditAnswer(client=PAGE, number=1, refused="", edit=2)
     ports.send(PAGE, answer)

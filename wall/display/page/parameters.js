@@ -6,14 +6,22 @@ const SOFT = { exposure: [-8, 8] };       // what the slider spans where the ran
 const WIDEST = 1000;              // a range above is spanned by stops
 const SCENES_AWAY = 1e4;          // radii of the scene that an object may be moved; its sliders span one
 const DEGREES = 180 / Math.PI;
+const SRGB = /^#[0-9a-f]{6}$/i;
 const AXES = ["x", "y", "z"];
 
 const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 const short = (x) => String(Number(x.toPrecision(3)));
 const exact = (numbers) => numbers.map((x) => Number(x.toPrecision(6))).join(" ");
-const numbersIn = (text) => (text.match(/[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?/gi) ?? []).map(Number);
 const encoded = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055);
 const decoded = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+
+// The numbers of a text, with spaces or commas between and perhaps the unit behind them; [] for any other text.
+function numbersIn(text, unit) {
+  const whole = text.replaceAll("\u2212", "-").trim();
+  const bare = unit && whole.endsWith(unit) ? whole.slice(0, -unit.length).trim() : whole;
+  const numbers = bare === "" ? [] : bare.split(/[\s,]+/).map(Number);
+  return numbers.every(Number.isFinite) ? numbers : [];
+}
 
 export const hexOf = (rgb) => "#" + rgb
   .map((x) => Math.round(255 * encoded(clamp(x, 0, 1))).toString(16).padStart(2, "0")).join("");
@@ -154,16 +162,18 @@ class Row {
     input.onfocus = () => { input.value = exact(this.#value); input.select(); };
     input.onblur = () => this.#label(this.#value);
     input.onchange = () => {
-      if (input.value !== exact(this.#value)) this.#type(numbersIn(input.value));
+      if (input.value !== exact(this.#value)) this.#type(input.value.trim());
       input.value = exact(this.#value);
     };
     input.onkeydown = (e) => { if (e.key === "Escape") { input.value = exact(this.#value); input.blur(); } };
     return input;
   }
 
-  #type(numbers) {
-    const { kind, low, high, default: { length } } = this.#parameter;
-    if (numbers.length === 1 && ["color", "light"].includes(kind)) numbers = Array(length).fill(numbers[0]);
+  #type(text) {
+    const { kind, low, high, unit, default: { length } } = this.#parameter;
+    const coloured = ["color", "light"].includes(kind);
+    let numbers = coloured && SRGB.test(text) ? rgbOf(text) : numbersIn(text, unit);
+    if (numbers.length === 1 && coloured) numbers = Array(length).fill(numbers[0]);
     if (numbers.length !== length || kind === "direction" && !Math.hypot(...numbers)) return;
     numbers = numbers.map((x) => clamp(kind === "whole" ? Math.round(x) : x, low, high));
     this.take(numbers);

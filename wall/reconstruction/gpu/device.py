@@ -108,9 +108,9 @@ class Device:
             buffer.bind_to_storage_buffer(binding)
         for key, value in {"count": count, **uniforms}.items():
             if known.get(key) != value:
-                known[key] = value
                 if key in shader:  # the compiler drops what a pass does not read
                     shader[key].value = value
+                known[key] = value
         groups = -(-count // GROUP) if groups is None else groups
         shader.run(min(groups, ROW), -(-groups // ROW))
         self.context.memory_barrier()

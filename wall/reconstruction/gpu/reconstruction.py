@@ -145,7 +145,7 @@ class GpuReconstruction:
                 self._change[first : self._staged] = 0.0
             else:
                 self._change[first : self._staged] = part["change"]  # all were stored
-            if rules.shows_event:
+            if rules.shows_event and not self.nothing_moves and self._staged > first:
                 self._accumulated.append(range(first, self._staged))
 
     def refresh(self, event: Event, now: float) -> None:

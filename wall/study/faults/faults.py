@@ -189,8 +189,11 @@ def _replaced(
     answers, again = replace_head(results, wall.address, moved_s=MOVED_S, whole=WHOLE)
     time.sleep(seconds)
     code, left = wall.end(signal.SIGINT)
-    found = [f"{what} after {ms} ms" for what, ms in (("page", answers), ("whole image", again))
-             if ms is None or ms > MOST_REPLACED_MS]  # fmt: skip
+    found = [
+        f"no {what}" if ms is None else f"{what} after {ms} ms"
+        for what, ms in (("page", answers), ("whole image", again))
+        if ms is None or ms > MOST_REPLACED_MS
+    ]
     found += [] if code == 0 else [f"the wall ended with {code}: {wall.said.strip()[-300:]}"]
     return _row(config, fault, others, (answers, None, again, None), left=left, why="; ".join(found))
 

@@ -36,6 +36,8 @@ def replace_head(results: Path, address: str, *, moved_s: float, whole: float) -
     if earlier is None or before is None:
         raise RunError(f"{address}: shows no image; wanted: a wall that runs")
     moved = (earlier != before).any(axis=-1)
+    if not moved.any():
+        raise RunError(f"{address}: nothing has moved for {moved_s:g} s; wanted: a camera on its way")
     os.kill(pid, signal.SIGKILL)
     killed, answered = time.monotonic(), None
     while time.monotonic() < killed + LIMIT_S:
