@@ -73,7 +73,8 @@ FOCUSED = """() => {
 ACCENT = "rgb(99, 199, 178)"
 IN_ORDER = [
     "sampler", "pause", "focus", "reset", "screenshot", "help-open", "wall", "divider", "view", "keep", "1", "overlay",
-    "parameters-open", "exposure", "exposure: as configured", "lens.focus", "materials.oak.color, colour", "scroll",
+    "parameters-open", "exposure", "exposure, value", "exposure: as configured", "lens.focus", "lens.focus, value",
+    "materials.oak.color, colour", "materials.oak.color, value", "scroll",
 ]  # fmt: skip
 
 

@@ -141,7 +141,7 @@ def test_without_a_wall_it_is_said_where_one_was_looked_for(tmp_path: Path) -> N
     assert "does not say how to reach a wall" in " ".join(done.stderr.split())
 
 
-@pytest.mark.parametrize("text", ["exposure", "=1", "exposure=", "exposure=bright", "exposure=1,,2", "exposure=nan"])
+@pytest.mark.parametrize("text", ["exposure", "=1", "exposure=", "exposure=1,,2", "exposure=nan"])
 def test_what_is_no_assignment_is_refused_before_any_wall_is_asked(tmp_path: Path, text: str) -> None:
     called = CliRunner().invoke(cli.app, ["set", text, "--out", str(tmp_path)])
     assert isinstance(called.exception, EditError)

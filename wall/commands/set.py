@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,8 @@ from typing import Any
 from wall.client import connect
 from wall.core.errors import EditError
 from wall.packets.control import ALL_BUT_OBJECTS, EditAnswer
+
+WORD = re.compile("#?[A-Za-z0-9][A-Za-z0-9_]*")
 
 
 def set_parameters(folder: Path, assignments: Sequence[str], *, listed: bool, undo: int = 0) -> EditAnswer:
@@ -37,13 +40,16 @@ def parse_assignment(text: str) -> tuple[str, object]:
 
 
 def parse_value(text: str) -> object:
-    """None for `default`, else a number, a list of numbers, or the text: the wall knows the names. Raises EditError."""
+    """None for `default`, else a number, a list of numbers, or a word: the wall knows which. Raises EditError."""
     if text == "default":
         return None
     try:
         numbers = [float(part) for part in text.strip("[]()").split(",")]
     except ValueError:
-        return text
+        if WORD.fullmatch(text):
+            return text
+        wanted = "numbers with commas between, #rrggbb, default, or a name"
+        raise EditError(f"value {text[:60]!r}: want {wanted}") from None
     if not all(map(math.isfinite, numbers)):
         raise EditError(f"value {text[:60]!r}: want finite numbers")
     return numbers if len(numbers) > 1 else numbers[0]
