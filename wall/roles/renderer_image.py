@@ -16,6 +16,7 @@ from wall.roles.plan import Plan
 from wall.roles.refinement import Refinement
 from wall.roles.resolution import ResolutionChoice, first_scale
 from wall.roles.sample_budget import SampleBudget
+from wall.roles.steps import Steps
 from wall.roles.updates import UpdatesShown
 from wall.roles.view import FollowedView
 
@@ -37,7 +38,7 @@ class OwnImage:
         self.view = FollowedView(plan, region.view)
         self.weight = plan.layout.config.views[region.view].weight
         self._moved_at = -math.inf  # the last refresh that showed another event than the one before, seconds
-        self._budget, self._resolution = SampleBudget(), ResolutionChoice(self._layer.panel)
+        self._budget, self._resolution, self._steps = SampleBudget(), ResolutionChoice(self._layer.panel), Steps()
         self.refinement = Refinement(self._layer.panel, self.view.period, plan.cores)
         self._refines = self._layer.panel.scan is None and not plan.layout.config.barrier
         self._waits, self._due = math.inf, -math.inf  # for so many samples; when a refresh is due once they came
@@ -60,7 +61,9 @@ class OwnImage:
             self._composition.follow(event)
             self.rests = self.rests and event == before
             self._hasten()
-            if before is not None and before.camera != event.camera:
+            if before is None or before.camera == event.camera:
+                return
+            if self._steps.ask_for_a_look(before.camera, event.camera):
                 self._refine_after_jump(event)
 
     def _refine_after_jump(self, event: Event) -> None:

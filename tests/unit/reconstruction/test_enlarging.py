@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from wall.core.data import Framelet, Rect
-from wall.reconstruction.enlarging import Enlarger
+from wall.reconstruction.enlarging import CubicAxis, Enlarger
+from wall.reconstruction.kernels.enlarge import widen, widen_twice
 
 CHANNELS = frozenset({"colour", "depth", "alpha", "object_id"})
 
@@ -59,3 +60,15 @@ def test_only_what_takes_from_changed_tiles_is_redone() -> None:
     assert redone.sum() == 16
     Enlarger(small, whole).enlarge(everything(small))
     np.testing.assert_array_equal(part.colour, whole.colour)
+
+
+@pytest.mark.parametrize(("small", "first", "last"), [(40, 0, 40), (40, 8, 24), (40, 32, 40), (3, 0, 3), (1, 0, 1)])
+def test_twice_as_many_pixels_are_the_same_bits_as_any_number(
+    random_numbers: np.random.Generator, small: int, first: int, last: int
+) -> None:
+    line, axis = random_numbers.integers(0, 256, 3 * small).astype(np.uint8), CubicAxis(small, 2 * small)
+    wanted, found = (np.zeros(6 * (last - first), np.float32) for _ in range(2))
+    part = slice(2 * first, 2 * last)
+    widen(line, axis.pixels[part], axis.weights[part], wanted)
+    widen_twice(line, first, last, axis.weights, np.zeros((3, 3 * small + 12), np.float32), found)
+    assert_array_equal(found, wanted)

@@ -105,6 +105,7 @@ def enlarge_codes(small, row, row_weight, column, column_weight, dirty, rgb):
     rgb : (H, W, 3) uint8, written
     """
     wide, values = np.empty((4, 3 * rgb.shape[1]), np.float32), rgb.reshape(rgb.shape[0], -1)
+    twice, rows = rgb.shape[1] == 2 * small.shape[1], np.empty((3, 3 * (small.shape[1] + 4)), np.float32)
     for tile in range(dirty.shape[0]):
         start = 0
         while start < dirty.shape[1]:
@@ -118,7 +119,10 @@ def enlarge_codes(small, row, row_weight, column, column_weight, dirty, rgb):
                     k = row[y, tap]
                     if held[k % 4] != k:
                         held[k % 4] = k
-                        widen(small[k].reshape(-1), column[left:right], column_weight[left:right], wide[k % 4])
+                        if twice:
+                            widen_twice(small[k].reshape(-1), left // 2, right // 2, column_weight, rows, wide[k % 4])
+                        else:
+                            widen(small[k].reshape(-1), column[left:right], column_weight[left:right], wide[k % 4])
                 first, second = wide[row[y, 0] % 4], wide[row[y, 1] % 4]
                 third, fourth = wide[row[y, 2] % 4], wide[row[y, 3] % 4]
                 p, q, r, s = row_weight[y]
@@ -142,6 +146,34 @@ def widen(line, column, weight, wide):
             b, c = np.float32(line[k + at]), np.float32(line[m + at])
             value = p * np.float32(line[i + at]) + q * b + r * c + s * np.float32(line[n + at])
             wide[uint32(3 * j) + at] = limited(value, b, c)
+
+
+@inline_kernel
+def widen_twice(line, first, last, weight, rows, wide):
+    """Do what `widen` does, from the pixels `first` to `last` - 1 of a line half as long: its loops are vector code.
+
+    weight : (W, 4) float32, of which all even rows are alike, and all odd ones; rows : (3, 3 w + 12) float32, scratch
+    """
+    padded, even, odd = rows[0], rows[1], rows[2]
+    end, size = line.shape[0], 3 * (last - first)
+    begin = 3 * (first - 2)  # of what the first pixel takes from
+    inside, beyond = max(0, -begin), min(size + 12, end - begin)
+    for n in range(inside):
+        padded[n] = np.float32(line[n % 3])
+    for n in range(inside, beyond):
+        padded[n] = np.float32(line[begin + n])
+    for n in range(beyond, size + 12):
+        padded[n] = np.float32(line[end - 3 + n % 3])
+    e0, e1, e2, e3 = weight[0, 0], weight[0, 1], weight[0, 2], weight[0, 3]
+    o0, o1, o2, o3 = weight[1, 0], weight[1, 1], weight[1, 2], weight[1, 3]
+    for n in range(size):
+        a, b, c, d, e = padded[n], padded[n + 3], padded[n + 6], padded[n + 9], padded[n + 12]
+        even[n] = limited(e0 * a + e1 * b + e2 * c + e3 * d, b, c)
+        odd[n] = limited(o0 * b + o1 * c + o2 * d + o3 * e, c, d)
+    for i in range(last - first):
+        for channel in range(3):
+            wide[uint32(6 * i + channel)] = even[uint32(3 * i + channel)]
+            wide[uint32(6 * i + 3 + channel)] = odd[uint32(3 * i + channel)]
 
 
 @inline_kernel
