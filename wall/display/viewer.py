@@ -19,6 +19,7 @@ from wall.display.page_client import stream_of
 from wall.display.stream import SAMPLES_COUNTS, SAMPLES_HEADER
 
 SETTLE_S = 2.0  # before anything is counted: the first images are of every pixel
+AGAIN_S = 0.2  # until a viewer whose page has gone tries again
 LOST_S = 10.0  # a run that says nothing for so long does not answer
 
 
@@ -124,10 +125,10 @@ async def _visit(address: str, commands: Sequence[Mapping[str, object]], display
 
 
 class StatusViewer:
-    """A viewer in a thread of its own that keeps each status, and no image."""
+    """A viewer in a thread of its own that keeps each status, and no image; it connects again, as pages do."""
 
     def __init__(self, address: str) -> None:
-        """`address`: of a page. Where none answers, nothing is seen."""
+        """`address`: of a page. As long as none answers, nothing is seen."""
         self.seen: list[Seen] = []
         self._address, self._loop = address, asyncio.new_event_loop()
         self._watching = self._loop.create_task(self._watch())
@@ -136,16 +137,22 @@ class StatusViewer:
 
     def close(self) -> None:
         """End it."""
-        with contextlib.suppress(RuntimeError):  # it has ended by itself
+        with contextlib.suppress(RuntimeError):  # it is closed already
             self._loop.call_soon_threadsafe(self._watching.cancel)
         self._thread.join()
 
     def _run(self) -> None:
-        with contextlib.suppress(asyncio.CancelledError, aiohttp.ClientError):  # closed, or the wall has ended
+        with contextlib.suppress(asyncio.CancelledError):
             self._loop.run_until_complete(self._watching)
         self._loop.close()
 
     async def _watch(self) -> None:
+        while True:
+            with contextlib.suppress(aiohttp.ClientError, TypeError, ValueError):
+                await self._take()
+            await asyncio.sleep(AGAIN_S)
+
+    async def _take(self) -> None:
         async with (
             aiohttp.ClientSession() as session,
             session.ws_connect(stream_of(self._address), max_msg_size=0) as connection,

@@ -135,15 +135,15 @@ def _rows(wall: FaultyWall, results: Path, *, minutes: float, chance: random.Ran
         _living(wall)
         time.sleep(0.2)
     steady.add(processes_of(wall.process.pid)[-1])  # the nursery, forked last
-    began, known, faults, offset = time.monotonic(), len(wall.seen) - 1, 0, None
+    began, faults, offset = time.monotonic(), 0, None
     while (now := time.monotonic()) < began + 60.0 * minutes:
         _living(wall)
         fault = ""
         if now >= began + FAULT_S * (faults + 1):
             fault, faults = _fault(KINDS[faults % len(KINDS)], wall, steady, chance), faults + 1
-        seen = wall.seen
-        ahead = max((each.status["seconds"] - each.time for each in seen[known:]), default=offset or 0.0)
-        offset, known = ahead if offset is None else offset, len(seen)
+        seen = wall.take_seen()  # with the newest of before
+        ahead = max(each.status["seconds"] - each.time for each in seen)
+        offset = ahead if offset is None else offset
         processes = processes_of(wall.process.pid)
         yield Row(
             seconds=round(now - began, 2), memory_mb=round(sum(map(memory_mb, processes)), 1),

@@ -65,6 +65,12 @@ class FaultyWall:
         """What its page was told so far."""
         return list(self._page.seen)
 
+    def take_seen(self) -> list[Seen]:
+        """The same; of what was returned all but the newest is forgotten."""
+        seen = self.seen
+        del self._page.seen[: len(seen) - 1]
+        return seen
+
     def _wait_for_page(self) -> str:
         limit = time.monotonic() + START_S
         while time.monotonic() < limit and self.process.poll() is None:
