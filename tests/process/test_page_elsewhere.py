@@ -86,6 +86,12 @@ def test_viewers_see_ask_and_steer_at_another_compositor(
     with connect(again) as run:
         assert run.set({"lights.2.irradiance": (0, 0, 9)}) == 3, "no answer to a request of the page before"
         assert np.abs(until(again, first) - blue).max() <= 1
+    with connect(out) as run:
+        run.edit("views.0.camera.fov=20")
+        near = until(again, blue)
+    with connect(again) as run:
+        run.set({"exposure": 1})
+        until(again, near)
     assert status(again)["seconds"] > 2.0, "the run's time goes on"
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region, StatisticsImage
 from wall.reconstruction.dynamic_resolution import DynamicResolution
+from wall.roles.camera_steps import CameraSteps
 from wall.roles.composition import Composition
 from wall.roles.edges import NEVER, summed_number
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
@@ -16,7 +17,6 @@ from wall.roles.plan import Plan
 from wall.roles.refinement import Refinement
 from wall.roles.resolution import ResolutionChoice, first_scale
 from wall.roles.sample_budget import SampleBudget
-from wall.roles.steps import Steps
 from wall.roles.updates import UpdatesShown
 from wall.roles.view import FollowedView
 
@@ -38,7 +38,7 @@ class OwnImage:
         self.view = FollowedView(plan, region.view)
         self.weight = plan.layout.config.views[region.view].weight
         self._moved_at = -math.inf  # the last refresh that showed another event than the one before, seconds
-        self._budget, self._resolution, self._steps = SampleBudget(), ResolutionChoice(self._layer.panel), Steps()
+        self._budget, self._resolution, self._steps = SampleBudget(), ResolutionChoice(self._layer.panel), CameraSteps()
         self.refinement = Refinement(self._layer.panel, self.view.period, plan.cores)
         self._refines = self._layer.panel.scan is None and not plan.layout.config.barrier
         self._waits, self._due = math.inf, -math.inf  # for so many samples; when a refresh is due once they came

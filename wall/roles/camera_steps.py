@@ -10,7 +10,7 @@ LONGER = 1.25  # than the step before: then a look is taken
 LOOK_EVERY = 4  # steps, at the least: one of 2.5 times the speed may pass until then
 
 
-class Steps:
+class CameraSteps:
     """How far a camera went from one event to the next."""
 
     def __init__(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from wall.core.data import Camera
 from wall.geometry.twist import rotation_by
-from wall.roles.steps import LOOK_EVERY, Steps
+from wall.roles.camera_steps import LOOK_EVERY, CameraSteps
 
 
 def camera(x: float = 0.0, angle: float = 0.0) -> Camera:
@@ -16,7 +16,7 @@ def camera(x: float = 0.0, angle: float = 0.0) -> Camera:
 
 
 def looks(*cameras: Camera) -> list[bool]:
-    steps = Steps()
+    steps = CameraSteps()
     return [steps.ask_for_a_look(*pair) for pair in pairwise(cameras)]
 
 
