@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
-from wall.config.loading import load, with_scene
+from wall.config.loading import Loaded, load, with_scene
 from wall.core.errors import ConfigError, EditError
 from wall.display.base import Offers
 from wall.roles.config_edits import text_of
@@ -18,24 +18,31 @@ from wall.scene.sources import BUILT_IN
 CONFIGURATIONS, MODELS = (".yaml", ".yml"), (".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_FILES = 64  # of either kind: looking into so many configurations takes half a second
 MOST_BYTES = 1 << 18  # of a configuration
+AS_BEGUN = "as at the start"  # the name of what no file is like
 
 
 class Choices:
     """Names of what may be shown instead of a layout's configuration; no other file can be named."""
 
-    def __init__(self, layout: Layout) -> None:
-        """Looks into the folder: of its configurations those are offered that can replace this one as it runs."""
-        self._layout = layout
+    def __init__(self, layout: Layout, first: Layout | None = None) -> None:
+        """Looks into the folder: of its configurations those are offered that can replace this one as it runs.
+
+        `first`: what the run began with, which is offered too where no file is like it; None: `layout`.
+        """
+        self._layout, self._first = layout, (first or layout).loaded
         folder = layout.loaded.folder
         self._configurations = [path.name for path in _files(folder, CONFIGURATIONS) if self._fits(path)]
         self._models = [path.name for path in _files(folder, MODELS)]
-        self.names = (*self._configurations, *self._models, *BUILT_IN)
+        own = () if self._is_file(self._first) else (AS_BEGUN,)
+        self.names = (*own, *self._configurations, *self._models, *BUILT_IN)
         self.shown = self._shown()
 
     def load(self, name: str) -> tuple[str, str]:
         """The text of a configuration, and the path of its file. Raises EditError."""
         loaded = self._layout.loaded
         try:
+            if name == AS_BEGUN and name in self.names:
+                return text_of(self._first.config), str(self._first.path)
             if name in self._configurations:
                 path = loaded.folder / name
                 return path.read_text(encoding="utf-8"), str(path)
@@ -56,12 +63,20 @@ class Choices:
     def _shown(self) -> str:
         """Which one runs: a configuration as its file says, or what it shows in place of that."""
         loaded = self._layout.loaded
-        with suppress(OSError, ConfigError):
-            if loaded.path.name in self._configurations and load(loaded.path).config == loaded.config:
-                return loaded.path.name
+        if self._is_file(loaded):
+            return loaded.path.name
+        if loaded.config == self._first.config:
+            return AS_BEGUN
         source = loaded.config.scene.source
         name = Path(source).name if isinstance(source, str) else ""
         return name if name in (*self._models, *BUILT_IN) else ""
+
+
+    def _is_file(self, loaded: Loaded) -> bool:
+        """Whether a configuration is what its file says, and that file is offered."""
+        with suppress(OSError, ConfigError):
+            return loaded.path.name in self._configurations and load(loaded.path).config == loaded.config
+        return False
 
 
 def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
@@ -71,6 +86,7 @@ def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
 
 
 _newest = WeakKeyDictionary[Offers, Layout]()  # by sink: the layout whose choices it is to offer
+_first = WeakKeyDictionary[Offers, Layout]()  # by sink: what the run began with
 _offering = threading.Lock()
 
 
@@ -81,12 +97,12 @@ def offer(sink: Offers, layout: Layout) -> None:
     """
 
     def look() -> None:
-        choices = Choices(layout)
+        choices = Choices(layout, first)
         with _offering:
             if _newest[sink] is layout:
                 sink.offer(choices)
 
     with _offering:
-        _newest[sink] = layout
+        _newest[sink], first = layout, _first.setdefault(sink, layout)
     if layout.config.output.browser.choices:
         threading.Thread(target=look, daemon=True, name="choices").start()

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from wall.config.loading import load, loads
+from wall.config.loading import load, loads, with_scene
 from wall.core.errors import EditError
 from wall.display.requests import Requests
 from wall.roles.plan import Layout, make_layout
-from wall.run.choices import Choices, offer
+from wall.run.choices import AS_BEGUN, Choices, offer
 from wall.scene.sources import BUILT_IN
 
 HALL = """\
@@ -45,7 +45,18 @@ def test_what_can_replace_the_configuration_as_it_runs_is_offered(tmp_path: Path
         text, path = choices.load(name)
         other = loads(text, path=Path(path))
         assert (other.config.scene.source, other.config.wall) == (source, layout.config.wall)
-        assert Choices(make_layout(other)).shown == name
+        assert Choices(make_layout(other), layout).shown == name
+
+
+def test_a_wall_that_no_file_is_like_can_be_chosen_again(tmp_path: Path) -> None:
+    begun = make_layout(with_scene(layout_in(tmp_path).loaded, "forest"))
+    at_first = Choices(begun)
+    assert (at_first.names[0], at_first.shown) == (AS_BEGUN, AS_BEGUN)
+    text, path = at_first.load("gallery")
+    later = Choices(make_layout(loads(text, path=Path(path))), begun)
+    assert (later.names, later.shown) == (at_first.names, "gallery")
+    text, path = later.load(AS_BEGUN)
+    assert loads(text, path=Path(path)).config == begun.loaded.config
 
 
 @pytest.mark.parametrize("name", ["wider.yaml", "../hall.yaml", "/etc/passwd", "", "folder.yaml", "hall"])
