@@ -241,6 +241,8 @@ class HeadProcess:
                 raise
             finally:
                 managing.join(STOP_WAIT_S)
+                if standby is not None:
+                    standby.end()
         if managing.failure is not None:
             self.failures.append(f"the manager failed: {managing.failure!r}")
 

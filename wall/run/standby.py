@@ -26,6 +26,7 @@ from typing import Any, Generic, TypeVar
 
 from wall.core.errors import ConfigError, RunError, WallError
 from wall.roles.legacy import Legacy
+from wall.roles.membership import HEAD_LOST_S
 from wall.roles.plan import HEAD
 from wall.run.bootstrap_local import STOP_WAIT_S, LocalBootstrap, as_rank
 from wall.run.children import Children, PipeEnd, belong_to, how_ended
@@ -37,6 +38,7 @@ from wall.transport.curve import Keys
 MOST_HEADS, WITHIN_S = 3, 60.0  # another one takes over so often; after that its death ends the run
 MOST_BYTES = 1 << 20  # of what a head leaves
 WRITE_S = 0.1  # between two copies of it
+FROZEN_S = 0.5 * HEAD_LOST_S  # that a head writes nothing down: then it is killed, before ranks give up without it
 AWAKE_S = 0.5  # a signal that another thread of this process takes does not end a wait: it is passed on after it
 _PLACE = struct.Struct("<QII")  # count, bytes, checksum
 T = TypeVar("T")
@@ -61,6 +63,11 @@ class SharedState:
         self._memory[body : body + len(data)] = data
         _PLACE.pack_into(self._memory, start, self._count, len(data), zlib.crc32(data, self._count))
         return True
+
+    @property
+    def written(self) -> int:
+        """How often bytes were written."""
+        return max(int(_PLACE.unpack_from(self._memory, start)[0]) for start in (0, _PLACE.size + MOST_BYTES))
 
     def read(self) -> bytes | None:
         """The newest whole ones; None where there are none. Who reads may write from then on."""
@@ -114,6 +121,10 @@ class StandbyBootstrap:
             return self.estate.where.address
         self._say("address", text)
         return text
+
+    def end(self) -> None:
+        """From now on nothing is written down: the run ends."""
+        self._say("ends")
 
     def leave(self, estate: Callable[[Legacy | None], Estate]) -> str:
         """Write down what the next head needs, if that is due; `estate` is told what was made before.
@@ -187,6 +198,9 @@ class Stand(Generic[T]):
         self._came: T | WallError | None = None
         self._before: dict[signal.Signals, Any] = {}
         self._told: int | None = None  # the signal that is to end the run
+        self._ending = False  # the head is: it writes nothing down any more
+        self._written, self._since, self._looked = 0, 0.0, 0.0  # by the head, since when, and when that was seen
+        self._froze = ""  # why the head was killed
 
     def run(self) -> T:
         """Run the wall. Raises what a head has raised, and RunError for one that died for good."""
@@ -234,7 +248,7 @@ class Stand(Generic[T]):
         died = ""
         for rank, code in self._children.ended(ready):
             if rank == HEAD:
-                died = how_ended(code)
+                died, self._froze = how_ended(code) + self._froze, ""
             elif code:
                 self._ended[rank] = how_ended(code)
                 self._tell("ended", rank, self._ended[rank])
@@ -243,6 +257,22 @@ class Stand(Generic[T]):
             self._replace(died)
         if self._limit is not None:
             self._end_ranks()
+        self._watch()
+
+    def _watch(self) -> None:
+        """Kill a head that stands still. What this process did not get either is no time."""
+        now, before = time.monotonic(), self._looked
+        self._looked, written = now, self._state.written
+        watched = written > 0 and not self._ending and self._limit is None and self._told is None
+        if written != self._written or not watched or now - before > 4.0 * AWAKE_S:
+            self._written, self._since = written, now
+        elif now - self._since > FROZEN_S and (pid := self._children.processes.get(HEAD)) is not None:
+            self._since, self._froze = now, f" after it had done nothing for {FROZEN_S:g} s"
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+    def _ends(self) -> None:
+        self._ending = True
 
     def _hear(self) -> None:
         """Do what the head says."""

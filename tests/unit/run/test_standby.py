@@ -15,6 +15,7 @@ import pytest
 from manager_run import TEXT, plan_of
 
 from wall.core.errors import RunError
+from wall.run import standby
 from wall.run.sinks import PageAt, make_metrics_server
 from wall.run.standby import MOST_BYTES, SharedState, Stand, StandbyBootstrap
 
@@ -95,6 +96,21 @@ def test_a_signal_that_another_thread_takes_ends_the_run_too() -> None:
     with pytest.raises(RunError, match="terminated before"):
         Stand(1, lambda bootstrap: None, head, encrypted=False).run()
     thread.join()
+
+
+def test_a_head_that_stands_still_is_replaced_and_one_that_is_ending_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    def head(bootstrap: StandbyBootstrap) -> str:
+        bootstrap.leave(lambda before: left())
+        if not bootstrap.how:
+            os.kill(os.getpid(), signal.SIGSTOP)
+        bootstrap.end()
+        time.sleep(1.5)
+        return bootstrap.how
+
+    monkeypatch.setattr(standby, "AWAKE_S", 0.2)
+    monkeypatch.setattr(standby, "FROZEN_S", 0.5)
+    how = Stand(1, lambda bootstrap: None, head, encrypted=False).run()
+    assert how == "died (signal 9 after it had done nothing for 0.5 s)"
 
 
 def test_metrics_stay_at_their_address_with_their_tokens() -> None:
