@@ -19,6 +19,7 @@ setup() {
     }
     echo "setting up .venv (once; up to a minute)"
     if [ "$("$here/.venv/bin/python" -VV 2>/dev/null)" != "$("$python" -VV)" ] || [ ! -x "$here/.venv/bin/pip" ]; then
+        rm -f "$here"/.venv/installed-*
         "$python" -m venv "$here/.venv" || {
             echo "could not make a virtual environment; on Debian: apt install python3-venv" >&2
             return 1

@@ -136,7 +136,8 @@ def test_a_value_is_typed(panel, source, name, typed, sent):
 
 
 @pytest.mark.parametrize(
-    ("typed", "key"), [("5", "Escape"), ("nothing", "Enter"), ("1 2", "Enter"), ("#ff8000", "Enter"), ("2px", "Enter")]
+    ("typed", "key"),
+    [("5", "Escape"), ("nothing", "Enter"), ("1 2", "Enter"), ("#ff8000", "Enter"), ("2px", "Enter"), ("1,", "Enter")],
 )
 def test_what_is_typed_and_left_or_no_value_changes_nothing(panel, source, typed, key):
     field = panel.get_by_label("exposure, value")

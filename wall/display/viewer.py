@@ -148,14 +148,14 @@ class StatusViewer:
 
     async def _watch(self) -> None:
         while True:
-            with contextlib.suppress(aiohttp.ClientError, TypeError, ValueError):
+            with contextlib.suppress(aiohttp.ClientError, OSError, TypeError, ValueError, KeyError):
                 await self._take()
             await asyncio.sleep(AGAIN_S)
 
     async def _take(self) -> None:
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(stream_of(self._address), max_msg_size=0) as connection,
+            session.ws_connect(stream_of(self._address), max_msg_size=0, heartbeat=LOST_S) as connection,
         ):
             async for message in connection:  # no image is answered, so that hardly any comes
                 if message.type is aiohttp.WSMsgType.TEXT and (said := json.loads(message.data))["kind"] == "status":

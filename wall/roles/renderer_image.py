@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region, StatisticsImage
 from wall.reconstruction.dynamic_resolution import DynamicResolution
-from wall.roles.camera_steps import CameraSteps
 from wall.roles.composition import Composition
 from wall.roles.edges import NEVER, summed_number
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
@@ -38,7 +37,7 @@ class OwnImage:
         self.view = FollowedView(plan, region.view)
         self.weight = plan.layout.config.views[region.view].weight
         self._moved_at = -math.inf  # the last refresh that showed another event than the one before, seconds
-        self._budget, self._resolution, self._steps = SampleBudget(), ResolutionChoice(self._layer.panel), CameraSteps()
+        self._budget, self._resolution = SampleBudget(), ResolutionChoice(self._layer.panel)
         self.refinement = Refinement(self._layer.panel, self.view.period, plan.cores)
         self._refines = self._layer.panel.scan is None and not plan.layout.config.barrier
         self._waits, self._due = math.inf, -math.inf  # for so many samples; when a refresh is due once they came
@@ -61,9 +60,7 @@ class OwnImage:
             self._composition.follow(event)
             self.rests = self.rests and event == before
             self._hasten()
-            if before is None or before.camera == event.camera:
-                return
-            if self._steps.ask_for_a_look(before.camera, event.camera):
+            if before is not None and before.camera != event.camera:
                 self._refine_after_jump(event)
 
     def _refine_after_jump(self, event: Event) -> None:

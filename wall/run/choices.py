@@ -65,17 +65,17 @@ class Choices:
         loaded = self._layout.loaded
         if self._is_file(loaded):
             return loaded.path.name
-        if loaded.config == self._first.config:
+        if AS_BEGUN in self.names and loaded.config == self._first.config:
             return AS_BEGUN
         source = loaded.config.scene.source
         name = Path(source).name if isinstance(source, str) else ""
         return name if name in (*self._models, *BUILT_IN) else ""
 
-
     def _is_file(self, loaded: Loaded) -> bool:
         """Whether a configuration is what its file says, and that file is offered."""
         with suppress(OSError, ConfigError):
-            return loaded.path.name in self._configurations and load(loaded.path).config == loaded.config
+            offered = loaded.path.name in self._configurations and loaded.folder == self._layout.loaded.folder
+            return offered and load(loaded.path).config == loaded.config
         return False
 
 

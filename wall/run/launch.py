@@ -20,6 +20,7 @@ from wall.core.garbage import started
 from wall.core.mpi import mpi_rank, under_mpi
 from wall.core.network import why_taken
 from wall.display.x_server import check_displays
+from wall.roles.membership import head_lost_s
 from wall.roles.plan import (
     HEAD,
     Layout,
@@ -120,7 +121,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
             say(f"starting {layout.size} processes")
             return Stand(
                 layout.size, main, lambda head: lead(plan, head, Preparer(plan, machines), options, say, opened),
-                encrypted=transport.encrypted,
+                encrypted=transport.encrypted, patience_s=head_lost_s(transport),
             ).run()  # fmt: skip
         say(f"note: transport.standby: no head takes another's place, which could not go on with {kept}")
     bootstrap: Bootstrap

@@ -8,6 +8,7 @@ keeps writing down in memory that it shares with its parent.
 from __future__ import annotations
 
 import contextlib
+import math
 import mmap
 import os
 import pickle
@@ -26,7 +27,6 @@ from typing import Any, Generic, TypeVar
 
 from wall.core.errors import ConfigError, RunError, WallError
 from wall.roles.legacy import Legacy
-from wall.roles.membership import HEAD_LOST_S
 from wall.roles.plan import HEAD
 from wall.run.bootstrap_local import STOP_WAIT_S, LocalBootstrap, as_rank
 from wall.run.children import Children, PipeEnd, belong_to, how_ended
@@ -38,9 +38,11 @@ from wall.transport.curve import Keys
 MOST_HEADS, WITHIN_S = 3, 60.0  # another one takes over so often; after that its death ends the run
 MOST_BYTES = 1 << 20  # of what a head leaves
 WRITE_S = 0.1  # between two copies of it
-FROZEN_S = 0.5 * HEAD_LOST_S  # that a head writes nothing down: then it is killed, before ranks give up without it
+FROZEN_SHARE = 0.5  # of the time after which ranks give up without a head: it is killed if it did nothing for so long
+FROZEN_AGAIN_S = 600.0  # a head that stands still so soon after another one did ends the run
 AWAKE_S = 0.5  # a signal that another thread of this process takes does not end a wait: it is passed on after it
 _PLACE = struct.Struct("<QII")  # count, bytes, checksum
+_SIGN = struct.Struct("<Q")
 T = TypeVar("T")
 
 
@@ -51,10 +53,12 @@ class SharedState:
     """
 
     def __init__(self) -> None:
-        self._memory, self._count = mmap.mmap(-1, 2 * (_PLACE.size + MOST_BYTES)), 0
+        self._sign = 2 * (_PLACE.size + MOST_BYTES)  # where signs of life are counted
+        self._memory, self._count = mmap.mmap(-1, self._sign + _SIGN.size), 0
 
     def write(self, data: bytes) -> bool:
-        """Put bytes in place of those before. Returns whether there was room."""
+        """Put bytes in place of those before. Returns whether there was room; a sign of life is given anyway."""
+        _SIGN.pack_into(self._memory, self._sign, self.signs + 1)
         if len(data) > MOST_BYTES:
             return False
         self._count += 1
@@ -65,9 +69,9 @@ class SharedState:
         return True
 
     @property
-    def written(self) -> int:
-        """How often bytes were written."""
-        return max(int(_PLACE.unpack_from(self._memory, start)[0]) for start in (0, _PLACE.size + MOST_BYTES))
+    def signs(self) -> int:
+        """How often the writer gave a sign of life."""
+        return int(_SIGN.unpack_from(self._memory, self._sign)[0])
 
     def read(self) -> bytes | None:
         """The newest whole ones; None where there are none. Who reads may write from then on."""
@@ -123,7 +127,7 @@ class StandbyBootstrap:
         return text
 
     def end(self) -> None:
-        """From now on nothing is written down: the run ends."""
+        """The run ends: from now on no other head is to take this one's place."""
         self._say("ends")
 
     def leave(self, estate: Callable[[Legacy | None], Estate]) -> str:
@@ -183,9 +187,12 @@ class Stand(Generic[T]):
 
     def __init__(
         self, size: int, main: Callable[[LocalBootstrap], None], head: Callable[[StandbyBootstrap], T], *,
-        encrypted: bool,
+        encrypted: bool, patience_s: float,
     ) -> None:  # fmt: skip
-        """`main`: of the other ranks; `head`: what a head does, and what comes of it, which can be pickled."""
+        """`main`: of the other ranks; `head`: what a head does, and what comes of it, which can be pickled.
+
+        `patience_s`: after so long ranks give up without a head.
+        """
         self._size, self._head = size, head
         keys: Sequence[Keys | None] = Keys.of_all(size) if encrypted else [None] * size
         self._keys, self._key = keys, new_key()
@@ -198,9 +205,10 @@ class Stand(Generic[T]):
         self._came: T | WallError | None = None
         self._before: dict[signal.Signals, Any] = {}
         self._told: int | None = None  # the signal that is to end the run
-        self._ending = False  # the head is: it writes nothing down any more
-        self._written, self._since, self._looked = 0, 0.0, 0.0  # by the head, since when, and when that was seen
-        self._froze = ""  # why the head was killed
+        self._ending = False  # the head is: it gives no sign of life any more
+        self._frozen_s, self._froze, self._froze_at = FROZEN_SHARE * patience_s, "", -math.inf  # the last: when one did
+        self._first_sign, self._signs = 0, 0  # how many there were before this head, and by now
+        self._since, self._looked = 0.0, 0.0  # when there was a new one, and when it was looked for
 
     def run(self) -> T:
         """Run the wall. Raises what a head has raised, and RunError for one that died for good."""
@@ -228,6 +236,7 @@ class Stand(Generic[T]):
 
     def _begin(self, how: str) -> None:
         """Fork a head; `how`: the one before died."""
+        self._first_sign = self._state.signs
         ours, its = Pipe()
         others = [ours, *self._writers.values(), *filter(None, [self._pipe])]
         args = (self._size, its, self._keys[HEAD], self._state, self._key, how)
@@ -248,7 +257,7 @@ class Stand(Generic[T]):
         died = ""
         for rank, code in self._children.ended(ready):
             if rank == HEAD:
-                died, self._froze = how_ended(code) + self._froze, ""
+                died = how_ended(code) + self._froze
             elif code:
                 self._ended[rank] = how_ended(code)
                 self._tell("ended", rank, self._ended[rank])
@@ -260,14 +269,14 @@ class Stand(Generic[T]):
         self._watch()
 
     def _watch(self) -> None:
-        """Kill a head that stands still. What this process did not get either is no time."""
+        """Kill a head that stands still, once it has given a sign. What this process did not get either is no time."""
         now, before = time.monotonic(), self._looked
-        self._looked, written = now, self._state.written
-        watched = written > 0 and not self._ending and self._limit is None and self._told is None
-        if written != self._written or not watched or now - before > 4.0 * AWAKE_S:
-            self._written, self._since = written, now
-        elif now - self._since > FROZEN_S and (pid := self._children.processes.get(HEAD)) is not None:
-            self._since, self._froze = now, f" after it had done nothing for {FROZEN_S:g} s"
+        self._looked, signs = now, self._state.signs
+        watched = signs > self._first_sign and not self._ending and self._limit is None and self._told is None
+        if signs != self._signs or not watched or now - before > 4.0 * AWAKE_S:
+            self._signs, self._since = signs, now
+        elif now - self._since > self._frozen_s and (pid := self._children.processes.get(HEAD)) is not None:
+            self._since, self._froze = now, f" after it had done nothing for {self._frozen_s:g} s"
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
 
@@ -302,6 +311,7 @@ class Stand(Generic[T]):
             writer.send_bytes(text.encode())
 
     def _finish(self, told: bool) -> None:
+        self._ending = True
         self._limit = time.monotonic() + STOP_WAIT_S * told
 
     def _outcome(self, came: T | WallError) -> None:
@@ -325,7 +335,9 @@ class Stand(Generic[T]):
         """Fork another head, or end the run."""
         now = time.monotonic()
         self._deaths = [time_of for time_of in self._deaths if now - time_of < WITHIN_S]
-        may = how.startswith("signal") and self._limit is None and len(self._deaths) < MOST_HEADS
+        may = how.startswith("signal") and self._limit is None and not self._ending and len(self._deaths) < MOST_HEADS
+        if self._froze:
+            may, self._froze, self._froze_at = may and now - self._froze_at > FROZEN_AGAIN_S, "", now
         told = next((number for number in REASONS if number == self._told or how == how_ended(-number)), None)
         if told is not None:
             self._outcome(RunError(f"{REASONS[told]} before a head could end the run in order ({how})"))

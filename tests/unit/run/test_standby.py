@@ -63,7 +63,7 @@ def test_a_run_that_is_told_to_end_while_its_head_is_replaced_ends(when: str, mo
         time.sleep(2.0)
         return "went on"
 
-    stand = Stand(1, lambda bootstrap: None, head, encrypted=False)
+    stand = Stand(1, lambda bootstrap: None, head, encrypted=False, patience_s=60.0)
     begin, replace = stand._begin, stand._replace
 
     def told_and(go_on: Any, how: str) -> None:
@@ -94,23 +94,55 @@ def test_a_signal_that_another_thread_takes_ends_the_run_too() -> None:
     thread = threading.Thread(target=take)
     thread.start()
     with pytest.raises(RunError, match="terminated before"):
-        Stand(1, lambda bootstrap: None, head, encrypted=False).run()
+        Stand(1, lambda bootstrap: None, head, encrypted=False, patience_s=60.0).run()
     thread.join()
 
 
-def test_a_head_that_stands_still_is_replaced_and_one_that_is_ending_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def run_with(head: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """What comes of a run without other ranks, whose head may stand still for half a second."""
+    monkeypatch.setattr(standby, "AWAKE_S", 0.2)
+    return Stand(1, lambda bootstrap: None, head, encrypted=False, patience_s=1.0).run()
+
+
+@pytest.mark.parametrize("size", [1, MOST_BYTES], ids=["", "and has no room for what it leaves"])
+def test_a_head_that_stands_still_is_replaced_and_one_that_is_slow_or_ending_is_not(
+    monkeypatch: pytest.MonkeyPatch, size: int
+) -> None:
     def head(bootstrap: StandbyBootstrap) -> str:
+        if bootstrap.how:
+            time.sleep(1.0)  # before it says anything
         bootstrap.leave(lambda before: left())
         if not bootstrap.how:
             os.kill(os.getpid(), signal.SIGSTOP)
+        for _ in range(10):
+            time.sleep(0.1)
+            bootstrap.leave(lambda before: left("x" * size))
         bootstrap.end()
-        time.sleep(1.5)
+        time.sleep(1.0)
         return bootstrap.how
 
-    monkeypatch.setattr(standby, "AWAKE_S", 0.2)
-    monkeypatch.setattr(standby, "FROZEN_S", 0.5)
-    how = Stand(1, lambda bootstrap: None, head, encrypted=False).run()
-    assert how == "died (signal 9 after it had done nothing for 0.5 s)"
+    assert run_with(head, monkeypatch) == "died (signal 9 after it had done nothing for 0.5 s)"
+
+
+def test_a_head_that_stands_still_soon_after_another_one_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def head(bootstrap: StandbyBootstrap) -> str:
+        bootstrap.leave(lambda before: left())
+        os.kill(os.getpid(), signal.SIGSTOP)
+        return "went on"
+
+    with pytest.raises(RunError, match=r"done nothing for 0\.5 s.*no other one takes its place"):
+        run_with(head, monkeypatch)
+
+
+def test_a_head_that_dies_while_it_ends_the_run_is_not_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    def head(bootstrap: StandbyBootstrap) -> str:
+        bootstrap.leave(lambda before: left())
+        bootstrap.end()
+        os.kill(os.getpid(), signal.SIGKILL)
+        return "went on"
+
+    with pytest.raises(RunError, match="no other one takes its place"):
+        run_with(head, monkeypatch)
 
 
 def test_metrics_stay_at_their_address_with_their_tokens() -> None:

@@ -6,6 +6,7 @@ const SOFT = { exposure: [-8, 8] };       // what the slider spans where the ran
 const WIDEST = 1000;              // a range above is spanned by stops
 const SCENES_AWAY = 1e4;          // radii of the scene that an object may be moved; its sliders span one
 const DEGREES = 180 / Math.PI;
+const DECIMAL = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 const SRGB = /^#[0-9a-f]{6}$/i;
 const AXES = ["x", "y", "z"];
 
@@ -19,8 +20,8 @@ const decoded = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4)
 function numbersIn(text, unit) {
   const whole = text.replaceAll("\u2212", "-").trim();
   const bare = unit && whole.endsWith(unit) ? whole.slice(0, -unit.length).trim() : whole;
-  const numbers = bare === "" ? [] : bare.split(/[\s,]+/).map(Number);
-  return numbers.every(Number.isFinite) ? numbers : [];
+  const parts = bare.split(/\s*,\s*|\s+/);
+  return parts.every((part) => DECIMAL.test(part)) ? parts.map(Number) : [];
 }
 
 export const hexOf = (rgb) => "#" + rgb

@@ -28,6 +28,7 @@ from wall.study.live.rewriting import text_in_motion
 from wall.study.quality.tables import MET, MISSED, Table
 
 FILE, PLOT = "soak.jsonl", "soak.png"
+DEAF_S = 60.0  # without a word of the page, which viewers that were cut off find again
 LOOK_S = 5.0  # between two rows
 FAULT_S = 60.0  # between two faults
 VISIT_S, PAUSE_S = 4.0, 3.0  # that a viewer stays, and until the next one comes
@@ -142,6 +143,8 @@ def _rows(wall: FaultyWall, results: Path, *, minutes: float, chance: random.Ran
         if now >= began + FAULT_S * (faults + 1):
             fault, faults = _fault(KINDS[faults % len(KINDS)], wall, steady, chance), faults + 1
         seen = wall.take_seen()  # with the newest of before
+        if time.monotonic() - seen[-1].time > DEAF_S:
+            raise RunError(f"{wall.address}: the page has told nothing for {DEAF_S:g} s")
         ahead = max(each.status["seconds"] - each.time for each in seen)
         offset = ahead if offset is None else offset
         processes = processes_of(wall.process.pid)

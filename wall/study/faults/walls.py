@@ -68,7 +68,7 @@ class FaultyWall:
     def take_seen(self) -> list[Seen]:
         """The same; of what was returned all but the newest is forgotten."""
         seen = self.seen
-        del self._page.seen[: len(seen) - 1]
+        del self._page.seen[: max(0, len(seen) - 1)]
         return seen
 
     def _wait_for_page(self) -> str:
