@@ -59,7 +59,7 @@ def renderers(run: subprocess.Popen[str]) -> list[int]:
 
 
 def renderers_of(run: subprocess.Popen[str]) -> list[int]:
-    return sorted(session_of(run.pid))[1:]
+    return session_of(run.pid)[1:]
 
 
 def wait_a_little() -> None:
@@ -139,7 +139,7 @@ def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
 ) -> None:
     config, events = write_config(tmp_path, path=ORBIT, restarts=1, encrypt="always"), tmp_path / "run.events"
     run = running("run", config, "--headless", "--out", tmp_path / "out", "--record", events)
-    nursery = max(renderers(run))  # forked last
+    nursery = renderers(run)[-1]  # forked last
 
     def kill_renderer() -> None:
         (only,) = set(renderers_of(run)) - {nursery}
@@ -171,7 +171,7 @@ def test_a_rank_that_nothing_can_start_again_says_why(
 ) -> None:
     config = write_config(tmp_path, path=ORBIT, restarts=1)
     run = running("run", config, "--headless", "--out", tmp_path / "out")
-    only, nursery = sorted(renderers(run))
+    only, nursery = renderers(run)
     os.kill(nursery, signal.SIGKILL)
     limit = time.monotonic() + START_LIMIT_S
     while Path(f"/proc/{nursery}/exe").exists():  # a zombie has none
