@@ -177,6 +177,13 @@ def summary(folder: Path) -> dict[str, Any]:
     return found
 
 
+def status(address: str) -> dict[str, Any]:
+    """What a page says of its run."""
+    with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
+        found: dict[str, Any] = json.load(answer)
+    return found
+
+
 def shown(address: str) -> NDArray[np.int16]:
     """The wall's picture; waits for the first one, until which the page has none (503)."""
     limit = time.monotonic() + PICTURE_S

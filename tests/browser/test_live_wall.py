@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from running import page_of, start, summary, wall
+from running import page_of, start, status, summary, wall
 
 pytestmark = [pytest.mark.browser, pytest.mark.clock]
 
@@ -180,12 +179,6 @@ def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(page: Any,
     while status(address)["compare"] or status(address)["compared_per_s"] > 0:
         assert time.monotonic() < deadline, "the budget did not come back"
     assert status(address)["sampler"] == "frameless"
-
-
-def status(address: str) -> dict[str, Any]:
-    with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
-        found: dict[str, Any] = json.loads(answer.read())
-    return found
 
 
 def test_a_slider_changes_the_light_and_the_page_follows_another_terminal(

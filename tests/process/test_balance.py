@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import os
 import signal
 import subprocess
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from running import called, page_of, start, summary
+from running import called, page_of, start, status, summary
 
 from wall.commands.replay import replay
 
@@ -47,8 +46,7 @@ def run(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
 def regions_at(address: str) -> list[str]:
     """What each rank renders, as the table says; [] before there is one."""
     try:
-        with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
-            return [rank["region"] for rank in json.loads(answer.read())["ranks"]]
+        return [rank["region"] for rank in status(address)["ranks"]]
     except urllib.error.HTTPError:  # no image yet
         return []
 

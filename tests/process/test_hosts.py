@@ -7,15 +7,13 @@ import os
 import re
 import signal
 import time
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from running import comes, page_of, panels, shown, start, summary, until, until_written, write_config
+from running import comes, page_of, panels, shown, start, status, summary, until, until_written, write_config
 
 from wall.client import connect
 from wall.config.loading import load
@@ -48,13 +46,8 @@ def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_pa
     try:
         address = hosts.page(page_of(run))
 
-        def status() -> dict[str, Any]:
-            with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
-                found: dict[str, Any] = json.load(answer)
-                return found
-
         def alive() -> list[bool]:
-            return [rank["alive"] for rank in status()["ranks"]]
+            return [rank["alive"] for rank in status(address)["ranks"]]
 
         def of_left(picture: NDArray[np.int16]) -> NDArray[np.int16]:
             return picture[:, :64]

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import stat
 import subprocess
 import time
-import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from running import WALL, called, environment, mpirun, page_of, session_of, shown, start, summary, write_config
+from running import WALL, called, environment, mpirun, page_of, session_of, shown, start, status, summary, write_config
 
 from wall.client import connect
 
@@ -44,16 +42,11 @@ def until_ranks(address: str, wanted: Callable[[Ranks], bool]) -> Ranks:
     """The table of ranks, once it is as wanted."""
     limit = time.monotonic() + PATIENCE_S
     while True:
-        ranks: Ranks = json.loads(read(address + "status.json"))["ranks"]
+        ranks: Ranks = status(address)["ranks"]
         if wanted(ranks):
             return ranks
         assert time.monotonic() < limit, [(rank["alive"], rank["region"]) for rank in ranks]
         time.sleep(0.05)
-
-
-def read(address: str) -> bytes:
-    with urllib.request.urlopen(address, timeout=5) as answer:
-        return bytes(answer.read())
 
 
 def pid_of(run: subprocess.Popen[str], rank: int) -> int:

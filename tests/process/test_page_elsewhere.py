@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from running import comes, page_of, shown, start, summary, until, write_config
+from running import comes, page_of, shown, start, status, summary, until, write_config
 
 from wall.client import connect
 from wall.core.errors import EditError
@@ -34,13 +32,18 @@ graph:
 """
 
 
+def begun(folder: Path, **changes: Any) -> subprocess.Popen[str]:
+    """A still wall whose page the head does not serve."""
+    config = write_config(folder, columns=2, **changes)
+    lines = [GRAPH.rstrip() if line.startswith("graph:") else line for line in config.read_text().splitlines()]
+    config.write_text("\n".join(lines) + "\n")
+    return start("run", config, "--still", "--out", folder / "OUT", "--seconds", 100)
+
+
 @pytest.fixture
 def running(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Path, str, subprocess.Popen[str]]]:
     """A still wall's folder of results, its page's address, and its process."""
-    config = write_config(tmp_path, columns=2, restarts=1, encrypt=request.param)
-    lines = [GRAPH.rstrip() if line.startswith("graph:") else line for line in config.read_text().splitlines()]
-    config.write_text("\n".join(lines) + "\n")
-    process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 100)
+    process = begun(tmp_path, restarts=1, encrypt=request.param)
     yield tmp_path / "OUT", page_of(process), process
     process.terminate()
     try:
@@ -49,12 +52,6 @@ def running(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Pa
         process.kill()
     ranks = summary(tmp_path / "OUT")["ranks"]
     assert [rank["role"] for rank in ranks] == ["head", "compositor", "renderer", "renderer"]
-
-
-def status(address: str) -> dict[str, Any]:
-    with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
-        found: dict[str, Any] = json.load(answer)
-    return found
 
 
 @pytest.mark.parametrize("running", ["always", "never"], indirect=True)
@@ -96,10 +93,7 @@ def test_viewers_see_ask_and_steer_at_another_compositor(
 
 
 def test_inside_one_process_such_a_page_is_announced_too(tmp_path: Path) -> None:
-    config = write_config(tmp_path, columns=2, transport="loopback")
-    lines = [GRAPH.rstrip() if line.startswith("graph:") else line for line in config.read_text().splitlines()]
-    config.write_text("\n".join(lines) + "\n")
-    process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 100)
+    process = begun(tmp_path, transport="loopback")
     try:
         address = page_of(process)
         until(address, shown(address), changes=False)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from running import environment, write_config
+from running import environment, status, write_config
 
 import wall
 from wall.core.errors import ConfigError, RunError
@@ -80,8 +80,7 @@ def test_a_wall_that_is_stopped_while_it_changes_ends_in_order(tmp_path: Path) -
         client.load(other)
         client.edit("views.0.sampling.method=framed")
         client.edit("views.0.refresh_hz=25")
-    with urllib.request.urlopen(running.address + "status.json") as status:
-        assert json.load(status)["seconds"] > time.monotonic() - began - 1.0, "its time begins anew"
+    assert status(running.address)["seconds"] > time.monotonic() - began - 1.0, "its time begins anew"
     assert running.stop()["ended"] == "terminated"
     assert not (tmp_path / "out" / "control.json").exists()
 

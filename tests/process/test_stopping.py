@@ -8,13 +8,24 @@ import signal
 import socket
 import subprocess
 import time
-import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from rich.table import Table
-from running import mpirun, page_of, panels, session_of, shown, start, summary, until_written, wall, write_config
+from running import (
+    mpirun,
+    page_of,
+    panels,
+    session_of,
+    shown,
+    start,
+    status,
+    summary,
+    until_written,
+    wall,
+    write_config,
+)
 
 from wall.commands.replay import replay
 
@@ -259,8 +270,7 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
 
 def samples_of(address: str, rank: int) -> int:
     """How many samples a rank of the run with this page has traced, as far as the head has heard."""
-    with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
-        return int(json.load(answer)["totals"][rank]["samples"])
+    return int(status(address)["totals"][rank]["samples"])
 
 
 @pytest.mark.mpi

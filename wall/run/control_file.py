@@ -53,8 +53,9 @@ def announced(folder: Path, control: Control) -> Iterator[Callable[[str], None]]
 
         def tell_page(page: str) -> None:
             nonlocal newest
-            newest = replace(control, page=page)
-            files.enter_context(_written(folder, newest))
+            told = replace(control, page=page)
+            files.enter_context(_written(folder, told))
+            newest = told
 
         try:
             yield tell_page

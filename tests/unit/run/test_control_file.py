@@ -10,7 +10,7 @@ from threading import Barrier
 import pytest
 
 from wall.core.errors import RunError
-from wall.run.control_file import Control, announced, check_free, claimed
+from wall.run.control_file import Control, announced, check_free, claimed, read
 
 WALLS = 4
 PATIENCE_S = 10.0
@@ -44,3 +44,15 @@ def test_who_has_the_folder_is_said_and_it_is_free_after_the_end(tmp_path: Path)
                 another()
     with claimed(tmp_path):
         assert list(tmp_path.iterdir()) == []
+
+
+def test_where_a_page_is_that_came_later_is_written_and_nothing_stays(tmp_path: Path) -> None:
+    here = Control(endpoint="tcp://h:1", key="k", head="", host="h", pid=os.getpid())
+    in_the_way = tmp_path / f".control.json.{os.getpid()}"
+    with announced(tmp_path, here) as tell_page:
+        tell_page("http://h:2/")
+        in_the_way.mkdir()
+        with pytest.raises(RunError, match="cannot write"):
+            tell_page("http://h:3/")
+        assert read(tmp_path).page == "http://h:2/"
+    assert list(tmp_path.iterdir()) == [in_the_way]

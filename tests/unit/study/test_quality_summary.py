@@ -21,7 +21,7 @@ from wall.study.quality.report import write_report
 from wall.study.quality.requirements import verdicts
 from wall.study.quality.rows import Row
 from wall.study.quality.summary import best_other, compare, equal_error, interval, rate_for
-from wall.study.quality.tables import tables, write_summary
+from wall.study.quality.tables import equal_table, tables, write_summary
 
 PROMISED = [
     "scene", "method", "rate", "width", "height", "seed", "clock", "rmse", "rmse_display", "flip", "ssim", "flicker",
@@ -130,6 +130,14 @@ def test_equal_error_rate_follows_a_power_law_exactly() -> None:
 
 def test_error_that_does_not_fall_with_the_rate_is_never_equal() -> None:
     assert rate_for({1e5: 0.1, 1e6: 0.1}, 0.05) == (math.inf, True)
+
+
+def test_no_factor_is_told_that_is_far_from_what_was_measured() -> None:
+    """Between two rates the error hardly falls, which says nothing of a rate a million times as high."""
+    curve = [row("a", "framed", error, rate=rate) for rate, error in ((5e4, 0.123), (2e5, 0.112))]
+    for error, told in ((0.05, "> 100"), (0.11, "1.3"), (0.2, "< 0.01")):
+        (line,) = equal_table([*curve, row("a", "adaptive", error, rate=2e5)]).lines
+        assert line[2:] == (told, "extrapolated")
 
 
 def test_tenfold_rows_extend_the_framed_curve() -> None:

@@ -35,7 +35,7 @@ def replace_head(results: Path, address: str, *, moved_s: float, whole: float) -
     before, pid = _picture(address), read(results).pid
     if earlier is None or before is None:
         raise RunError(f"{address}: shows no image; wanted: a wall that runs")
-    moved = (earlier != before).any(axis=-1)
+    moved = _changed(earlier, before)
     if not moved.any():
         raise RunError(f"{address}: nothing has moved for {moved_s:g} s; wanted: a camera on its way")
     os.kill(pid, signal.SIGKILL)
