@@ -207,6 +207,6 @@ def test_files_that_are_no_certificate_are_refused_by_name(two_panels, tmp_path)
 def test_a_script_that_watches_passes_the_token_on(browser, image, status, monkeypatch):
     monkeypatch.setattr("wall.display.viewer.SETTLE_S", 0.0)
     browser.show(image(1), status)
-    assert watch(browser.address, display="images", seconds=0.05).images >= 1
+    assert watch(browser.address, display="images", seconds=0.5).images >= 1
     with pytest.raises(RunError, match="no page of a wall answers"):
         watch(base(browser), display="images", seconds=0.05)
