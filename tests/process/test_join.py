@@ -16,7 +16,7 @@ from running import WALL, called, environment, mpirun, page_of, session_of, show
 
 from wall.client import connect
 
-PATIENCE_S = 30.0
+PATIENCE_S = 90.0  # who joins may wait for another process that compiles
 Ranks = list[dict[str, Any]]
 
 
@@ -68,7 +68,7 @@ def test_processes_join_a_run_of_mpirun_in_a_dead_rank_s_place_and_beside_the_ot
     text = config.read_text().replace("sinks: [png]", "balance: true, sinks: [browser, png]")
     config.write_text(text)
     out = tmp_path / "OUT"
-    run = begun("run", config, "--out", out, "--seconds", 100, launcher=mpirun(3, "--with-ft", "ulfm"))
+    run = begun("run", config, "--out", out, "--seconds", 400, launcher=mpirun(3, "--with-ft", "ulfm"))
     address = page_of(run)
     shown(address)
     control = out / "control.json"

@@ -105,7 +105,8 @@ class StartProgress:
 
     def _follow_compiler(self) -> None:
         """Advance the bar with the kernels that appear in the cache; it has no end where about as many were there."""
-        from wall.core.jit import compiled_kernels, kernels_made
+        from wall.core.jit import kernels_made
+        from wall.core.kernel_cache import compiled_kernels
 
         before = compiled_kernels()
         while self._compiling.is_set():

@@ -19,7 +19,8 @@ from wall.core.clock import ManualClock
 from wall.core.colour import srgb_curve
 from wall.core.data import SAMPLE, Batch, Framelet, Rect, Region
 from wall.core.errors import ConfigError
-from wall.core.jit import cache_root, compiled_kernels, locked, when_compiling
+from wall.core.jit import when_compiling
+from wall.core.kernel_cache import cache_root, compiled_kernels, locked
 from wall.display.cheapest import exact_tiles
 from wall.display.kernels.tiles import take_visible
 from wall.display.tiles import TILE, changed_tiles

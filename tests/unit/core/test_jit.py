@@ -18,7 +18,7 @@ import pytest
 from numba.core.event import Event, Listener, install_listener
 
 import wall
-from wall.core import jit
+from wall.core import jit, kernel_cache
 from wall.core.garbage import OBJECTS_A_COLLECTION
 
 PACKAGE = Path(wall.__file__).parent
@@ -42,7 +42,7 @@ def test_hash_covers_every_imported_file(path: Path) -> None:
         if (file := ahead.pop()) not in found:
             found.add(file)
             ahead += parsed(file)
-    assert found <= jit._with_imports(path)
+    assert found <= kernel_cache._with_imports(path)
 
 
 def test_imports_are_found_however_they_are_written(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_imports_are_found_however_they_are_written(tmp_path: Path) -> None:
         "from wall.geometry import (\n    cameras,  # and a word\n    eyes as both,\n)\n"
         "def late():\n    from wall.scene.needs import needs\n"
     )
-    names = {str(file.relative_to(PACKAGE)) for file in jit._imports(source)}
+    names = {str(file.relative_to(PACKAGE)) for file in kernel_cache._imports(source)}
     assert names == {"core/data.py", "geometry/cameras.py", "geometry/eyes.py", "scene/needs.py"}
 
 
@@ -62,15 +62,15 @@ def test_an_edit_of_an_imported_file_changes_the_hash(tmp_path: Path, monkeypatc
     (package / "user.py").write_text("from wall.used import VALUE\n")
     (package / "other.py").write_text("")
     (package / "used.py").write_text("VALUE = 1\n")
-    monkeypatch.setattr(jit, "PACKAGE", package)
+    monkeypatch.setattr(kernel_cache, "PACKAGE", package)
 
     def forget() -> None:
-        for known in (jit._imports, jit._digest, jit.source_hash):
+        for known in (kernel_cache._imports, kernel_cache._digest, kernel_cache.source_hash):
             known.cache_clear()
 
     def fresh() -> list[str]:
         forget()
-        return [jit.source_hash(package / name) for name in ("user.py", "other.py")]
+        return [kernel_cache.source_hash(package / name) for name in ("user.py", "other.py")]
 
     try:
         before = fresh()
@@ -94,7 +94,8 @@ def test_a_cache_that_names_a_class_which_is_gone_is_made_anew(tmp_path: Path, m
     scope: dict[str, Any] = {}
     exec(compile(source.read_text(encoding="utf-8"), str(source), "exec"), scope)
     first = jit.kernel(scope["twice"])
-    first._cache._cache_file._save_index({Gone: "twice.nbc"})
+    Path(first._cache.cache_path).mkdir()
+    first._cache._cache._cache_file._save_index({Gone: "twice.nbc"})
     monkeypatch.delattr(sys.modules[__name__], "Gone")
     again = jit.kernel(scope["twice"])
     assert again(21) == 42
@@ -111,12 +112,14 @@ def test_of_two_processes_that_save_at_once_none_finds_the_kernel_of_the_other(
 ) -> None:
     """The one saves while the other has read the index and not yet written its kernel; the lock cannot be had."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(jit, "LONGEST_LOCK_S", 0.0)
+    monkeypatch.setattr(kernel_cache, "LONGEST_LOCK_S", 0.0)
     source = tmp_path / "kernel_file.py"
     source.write_text("def twice(x):\n    return 2 * x\n", encoding="utf-8")
     scope: dict[str, Any] = {}
     exec(compile(source.read_text(encoding="utf-8"), str(source), "exec"), scope)
-    one, other, later = (jit.kernel(scope["twice"])._cache._cache_file for _ in range(3))
+    kernels = [jit.kernel(scope["twice"]) for _ in range(3)]
+    Path(kernels[0]._cache.cache_path).mkdir()
+    one, other, later = (kernel._cache._cache._cache_file for kernel in kernels)
     write = one._save_data
 
     def write_late(name: str, data: str) -> None:
@@ -130,15 +133,32 @@ def test_of_two_processes_that_save_at_once_none_finds_the_kernel_of_the_other(
     assert later.load("other") in ("other's", None), "not the other's"
 
 
+@pytest.mark.usefixtures("compiled_only")
+def test_a_kernel_that_a_full_disk_does_not_keep_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    kernel = jit.kernel(lambda x: 2 * x)
+    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+    monkeypatch.setattr(kernel._cache._cache._cache_file, "_save_data", full)
+    assert kernel(21) == 42
+    assert full.called
+
+
+def test_a_process_that_calls_no_kernel_does_not_look_at_the_cache(tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, "-c", "import wall.tracing.kernels.trace"]
+    subprocess.run(command, env=environment, check=True, timeout=60)
+    assert not (tmp_path / "kernels").exists()
+
+
 def test_a_lock_that_another_never_gives_back_is_waited_for_no_longer_than_said(tmp_path: Path) -> None:
     path = tmp_path / "lock"
     with open(path, "w") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        with jit.locked(path, 0.05):
+        with kernel_cache.locked(path, 0.05):
             pass
         with pytest.raises(BlockingIOError), open(path, "w") as other:
             fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    with jit.locked(path, 5.0), pytest.raises(BlockingIOError), open(path, "w") as other:
+    with kernel_cache.locked(path, 5.0), pytest.raises(BlockingIOError), open(path, "w") as other:
         fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
@@ -147,8 +167,8 @@ def test_where_a_file_system_has_no_locks_nothing_waits(tmp_path: Path, monkeypa
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(fcntl, "flock", refuse)
-    monkeypatch.setattr(jit.time, "sleep", lambda seconds: pytest.fail("it waits"))
-    with jit.locked(tmp_path / "lock", 300.0):
+    monkeypatch.setattr(kernel_cache.time, "sleep", lambda seconds: pytest.fail("it waits"))
+    with kernel_cache.locked(tmp_path / "lock", 300.0):
         pass
 
 
@@ -180,13 +200,13 @@ def test_a_user_without_a_folder_to_write_to_has_a_cache_of_its_own(
     if home == "no home":
         monkeypatch.setattr(Path, "home", Mock(side_effect=RuntimeError("no home")))
     monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
-    found = jit.cache_root()
+    found = kernel_cache.cache_root()
     assert found == tmp_path / f"wall-kernels-{os.getuid()}"
     assert stat.S_IMODE(found.stat().st_mode) == 0o700
     monkeypatch.setattr(os, "getuid", lambda: 12345)
-    assert jit.cache_root().name != "wall-kernels-12345", "one that another user made is not used"
+    assert kernel_cache.cache_root().name != "wall-kernels-12345", "one that another user made is not used"
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
-    assert jit.cache_root() == tmp_path / "mine" / "wall" / "kernels"
+    assert kernel_cache.cache_root() == tmp_path / "mine" / "wall" / "kernels"
 
 
 def test_a_kernel_that_a_thread_compiles_is_finished_before_its_process_ends(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wall.core.errors import ConfigError
-from wall.core.jit import PACKAGE
+from wall.core.kernel_cache import PACKAGE
 from wall.study.noise.points import PointsRow, error_of, measure_points
 from wall.study.options import counts_of
 

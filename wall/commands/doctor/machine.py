@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 from wall.commands.doctor.finding import Finding, State
-from wall.core.jit import cache_root, wanted_cache_root
+from wall.core.kernel_cache import cache_root, wanted_cache_root
 from wall.core.mpi import under_mpi
 
 SHARED = Path("/dev/shm")

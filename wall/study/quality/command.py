@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from wall.core.errors import ConfigError
-from wall.core.jit import PACKAGE
+from wall.core.kernel_cache import PACKAGE
 from wall.study import options
 from wall.study.options import cores_of as cores_of
 from wall.study.quality.methods import METHODS

@@ -21,7 +21,7 @@ import numpy as np
 
 from wall.commands.offline import OfflineRenderer, Tile, bands_of
 from wall.core.data import Event, Float32, Float64, Rect
-from wall.core.jit import PACKAGE
+from wall.core.kernel_cache import PACKAGE
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel
 from wall.roles.plan import Plan
