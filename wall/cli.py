@@ -14,7 +14,7 @@ import typer
 
 from wall.cli_faults import faults, soak
 from wall.cli_measure import measure
-from wall.cli_operations import doctor, join, top
+from wall.cli_operations import doctor, examples, join, top
 from wall.cli_peers import peers
 from wall.cli_plan import plan
 from wall.cli_render import IntegratorOption, UpOption, render, replay, screenshot
@@ -42,6 +42,7 @@ app.command()(screenshot)
 app.command()(top)
 app.command()(join)
 app.command()(doctor)
+app.command()(examples)
 app.command()(tracker)
 
 ConfigArgument = Annotated[

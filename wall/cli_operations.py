@@ -1,4 +1,4 @@
-"""`wall top`, `wall join` and `wall doctor`: a look at a running wall, a part in it, and a machine before a run."""
+"""`wall top`, `join`, `doctor`, `examples`: a running wall, a part in it, a machine, and what it may run."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.table import Table
+from rich.text import Text
 
 from wall.commands.terminal import FAILED, console, load_config
 
@@ -77,3 +79,24 @@ def doctor(
         missing += sum(each.state == "missing" for each in found)
     if missing:
         raise typer.Exit(FAILED)
+
+
+def examples(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Folder that they are copied to, a new one", show_default=False)
+    ] = None,
+) -> None:
+    """List the configurations that come with the program, or copy them: then what the guide shows works there.
+
+    [bold]wall examples configs[/]
+    """
+    from wall.commands.examples import copy_examples
+    from wall.commands.examples import examples as listed
+
+    if folder is not None:
+        console.print(f"{copy_examples(folder)} files in {folder}/", markup=False, highlight=False)
+        return
+    table = Table(box=None, show_header=False)
+    for name, about in listed():
+        table.add_row(Text(name, style="bold", no_wrap=True), Text(about))
+    console.print(table)

@@ -10,7 +10,8 @@ from wall.config.loading import Loaded, default_for_model, load, load_values, ne
 from wall.core.errors import ConfigError
 from wall.scene.sources import BUILT_IN, is_built_in
 
-DEMO = Path(__file__).resolve().parents[1] / "demo.yaml"  # configs/demo.yaml, which is packaged under this name
+EXAMPLES = Path(__file__).resolve().parents[1] / "configs"  # those of the clone, which are packaged too
+DEMO = EXAMPLES / "demo.yaml"
 DATA_SUFFIXES = (".vti", ".vtp", ".vtu", ".vtk", ".csv", ".npy", ".npz", ".mhd")
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 

@@ -245,7 +245,9 @@ def _plain(key: str) -> str:
 
 def _near_file(path: Path) -> str:
     folder = path.parent
-    return nearest(path.name, (p.name for p in folder.iterdir())) if folder.is_dir() else ""
+    if not folder.is_dir():
+        return "; wall examples configs copies those that come with the program" * (folder.name == "configs")
+    return nearest(path.name, (p.name for p in folder.iterdir()))
 
 
 def _refusal(lines: list[tuple[yaml_text.Position | None, str]]) -> ConfigError:
