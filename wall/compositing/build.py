@@ -37,6 +37,9 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     if isinstance(config, PresetGraph):
         balanced = config.balance
         config = _expanded(loaded, config, wall)
+    elif bordered := [k for k, view in enumerate(loaded.config.views) if view.border is not None]:
+        wanted = "a graph by a preset; among nodes of your own, outline"
+        raise loaded.error(("views", bordered[0], "border"), "the graph is written node by node", wanted)
     refusals = Refusals(loaded, config.nodes, written=written)
     check_structure(config.nodes, refusals)
     checks.check_panels_exist(config.nodes, wall, refusals)
@@ -69,11 +72,12 @@ def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
     if config.compositors > (most := len(wall.panels) + apart):
         came = f"{config.compositors} compositors cannot share {len(wall.panels)} panels"
         raise loaded.error(("graph", "compositors"), came, f"1 to {most}")
-    nodes = len(wall.viewports) * (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3)
+    lines = any(view.border is not None for view in loaded.config.views)
+    nodes = len(wall.viewports) * (lines + (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3))
     if nodes > MAX_NODES:
         came = f"{len(wall.panels)} panels with {config.ranks_per_panel} ranks each take {nodes} nodes"
         raise loaded.error(("graph", "ranks_per_panel"), came, f"fewer ranks: at most {MAX_NODES} nodes")
-    return expanded(config, wall)
+    return expanded(config, wall, loaded.config.views)
 
 
 def _planned(config: NodeGraph, wall: Wall, views: Sequence[ViewConfig], refusals: Refusals) -> Graph:

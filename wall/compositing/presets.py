@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from wall.config.graph import NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
+from wall.config.views import BorderConfig, ViewConfig
 from wall.geometry.panels import NO_VIEW, Panel, Wall
+from wall.geometry.viewports import edges_of
 from wall.operators.arrange import Tile
 from wall.operators.base import Node
 from wall.operators.depth import Depth
+from wall.operators.outline import Outline, Side
 
 
-def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
+def expanded(preset: PresetGraph, wall: Wall, views: Sequence[ViewConfig]) -> NodeGraph:
     """The nodes of a preset: each panel its own samples and framelet, one image of all, its sinks."""
     panel_nodes = _sort_last if preset.preset == "sort-last" else _sort_first
     shows = [viewport for viewport in wall.viewports if viewport.view != NO_VIEW]
@@ -20,7 +25,8 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
     for viewport in shows:
         host = viewport.config.host if preset.renderers == "panel" else None
         on = None if host is None else f"host {host}"
-        nodes += panel_nodes(viewport, preset.ranks_per_panel, hosts[viewport.on_panel], on)
+        made, view = panel_nodes(viewport, preset.ranks_per_panel, hosts[viewport.on_panel], on), views[viewport.view]
+        nodes += made if view.border is None else _with_border(made, view.border, edges_of(viewport, view, wall))
     if set(preset.sinks) != {"window"}:
         nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{viewport.index}" for viewport in shows)))
     for kind in dict.fromkeys(preset.sinks):
@@ -34,6 +40,16 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
         else:
             nodes.append(SinkNode(op="sink", id=kind, kind=kind, input="wall"))
     return NodeGraph(compositors=preset.compositors, sync=preset.sync, nodes=tuple(nodes))
+
+
+def _with_border(nodes: list[Node], border: BorderConfig, edges: tuple[Side, ...]) -> list[Node]:
+    """The nodes of a viewport, the last of which is its image; with a line along those of its edges, if any."""
+    if not edges:
+        return nodes
+    *before, image = nodes
+    inside = image.model_copy(update={"id": f"inside-{image.id}"})
+    line = Outline(op="outline", id=image.id, input=inside.id, width=border.width, color=border.color, sides=edges)
+    return [*before, inside, line]
 
 
 def _sort_first(panel: Panel, ranks: int, host: int, on: str | None) -> list[Node]:

@@ -28,6 +28,7 @@ from wall.core.fields import (
     refusal,
 )
 from wall.core.tone_mapping import ToneMapping
+from wall.operators.outline import LineColor, LineWidth
 
 DEFAULT_FOV_DEGREES = 45.0
 ROUNDED = 1.0 + 1e-9  # shares that were worked out are not exact
@@ -190,6 +191,13 @@ class ViewportConfig(Model):
         return self
 
 
+class BorderConfig(Model):
+    """A line around a view's viewport."""
+
+    width: LineWidth = Field(default=2, description="pixels, inside of the viewport")
+    color: LineColor = Field(default=(1.0, 1.0, 1.0), description="linear RGB, 1: as bright as the display is")
+
+
 class ViewConfig(Model):
     """One viewer's image."""
 
@@ -199,6 +207,9 @@ class ViewConfig(Model):
     )
     viewport: ViewportConfig | None = Field(
         default=None, description="the part of the wall that shows it; later views lie over earlier ones"
+    )
+    border: BorderConfig | None = Field(
+        default=None, description="a line around its viewport, where a preset makes the graph; absent = none"
     )
     weight: Annotated[Number, Ge(0.001), Le(1000.0)] = Field(
         default=1.0, description="share of a renderer's time that it gets, against the other views of that renderer"
@@ -259,6 +270,12 @@ class ViewConfig(Model):
     def light_after_s(self) -> float:
         """Seconds from a refresh to its light, or that of its first row."""
         return 1.0 / self.refresh_hz if self.display_delay_s is None else self.display_delay_s
+
+    @model_validator(mode="after")
+    def _what_has_a_border(self) -> ViewConfig:
+        if self.border is not None and self.viewport is None:
+            raise refusal("it has no viewport to go around", accepted="a view with viewport", at=("border",))
+        return self
 
     @model_validator(mode="after")
     def _one_field_of_view(self) -> ViewConfig:

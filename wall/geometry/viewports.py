@@ -10,12 +10,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from wall.config.loading import Loaded, nearest
-from wall.config.views import ViewConfig
+from wall.config.views import ViewConfig, ViewportConfig
 from wall.core.data import Rect
 from wall.core.errors import ConfigError
 from wall.geometry.panels import NO_VIEW, Panel, Wall
 from wall.geometry.rects import Rects, panel_rect
 from wall.geometry.scan import Scan
+from wall.operators.outline import SIDES, Side
 
 
 def with_views(loaded: Loaded, wall: Wall) -> Wall:
@@ -69,9 +70,26 @@ def _on_panel(view: ViewConfig, wall: Wall, panel: Panel) -> Rect | None:
     whole, part = panel_rect(panel), view.viewport
     if part is None:
         return whole if view.panels is None or {panel.id, panel.of} & set(view.panels) else None
+    return _on_wall(part, wall).intersection(whole)
+
+
+def _on_wall(part: ViewportConfig, wall: Wall) -> Rect:
+    """Where a viewport is, virtual screen."""
     x, y = round(part.left * wall.width), round(part.top * wall.height)
     right, bottom = round((part.left + part.width) * wall.width), round((part.top + part.height) * wall.height)
-    return Rect(x=x, y=y, width=right - x, height=bottom - y).intersection(whole)
+    return Rect(x=x, y=y, width=right - x, height=bottom - y)
+
+
+def edges_of(panel: Panel, view: ViewConfig, wall: Wall) -> tuple[Side, ...]:
+    """Which edges of a view's viewport lie on a panel, or an inset, that shows it or a part of it."""
+    if view.viewport is None:
+        return ()
+    whole, own = _on_wall(view.viewport, wall), panel_rect(panel)
+    lie = {
+        "left": own.x == whole.x, "top": own.y == whole.y,
+        "right": own.right == whole.right, "bottom": own.bottom == whole.bottom,
+    }  # fmt: skip
+    return tuple(side for side in SIDES if lie[side])
 
 
 def _inset(panel: Panel, rect: Rect, view: ViewConfig, index: int) -> Panel:

@@ -18,6 +18,7 @@ from wall.operators.depth import Depth
 from wall.operators.legend import Legend
 from wall.operators.mask import Mask
 from wall.operators.means import AgeBlend, Average
+from wall.operators.outline import Outline
 from wall.operators.over import Over
 from wall.operators.overlay import Overlay
 from wall.operators.scale import Scale
@@ -39,7 +40,7 @@ def name_of(operator: type[Operator]) -> str | None:
 
 BUILT_IN: tuple[type[Operator], ...] = (
     AgeBlend, Average, BlendEdges, BlendMask, Colour, Constant, Crop, Curve, DeepZoom, Denoise, Depth,
-    Encode, Flip, ImageSource, Legend, Mask, Newest, Over, Overlay, Rotate, Scale, Tile, Warp,
+    Encode, Flip, ImageSource, Legend, Mask, Newest, Outline, Over, Overlay, Rotate, Scale, Tile, Warp,
 )  # fmt: skip
 OPERATORS: dict[str, type[Operator]] = {str(name_of(operator)): operator for operator in BUILT_IN}
 RESERVED = frozenset({"samples", "reconstruct", "sky", "sink"})  # nodes of a graph that are not operators

@@ -49,6 +49,13 @@ def changed(*pairs: tuple[str, str]) -> str:
     return text
 
 
+def test_a_border_needs_a_preset() -> None:
+    view = "{camera: auto, viewport: {left: 0, top: 0, width: 1, height: 1}, border: {}}"
+    loaded = loads((HEAD + NODES).replace("{camera: auto}", view), name="a.yaml")
+    with pytest.raises(ConfigError, match=r"^a.yaml:4:82: views\[0\].border: the graph is written node"):
+        build(loaded, expand(loaded.config.wall))
+
+
 def test_samples_bring_what_the_graph_makes_something_of_and_no_more() -> None:
     """Depth where images are compared or moved by it, objects there and where nothing may show through."""
     head = "graph:\n  nodes:\n    - {id: s0, op: samples, panel: r0c0}\n    - {id: s1, op: samples, panel: r0c1}\n"

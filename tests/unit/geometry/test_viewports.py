@@ -11,7 +11,8 @@ from wall.config.loading import loads
 from wall.core.data import Rect
 from wall.core.errors import ConfigError
 from wall.geometry.panels import NO_VIEW, Wall
-from wall.geometry.viewports import panel_rect
+from wall.geometry.viewports import edges_of, panel_rect
+from wall.operators.outline import Outline
 from wall.roles.plan import make_layout
 
 TEXT = """\
@@ -60,6 +61,23 @@ def test_an_inset_goes_across_the_bezel_and_lies_in_its_panels_planes() -> None:
     np.testing.assert_allclose(both.outline[:, 1], [0.0, 0.0, 0.12], atol=1e-12)
 
 
+def test_edges_of_a_viewport_lie_where_it_ends_and_not_along_bezels() -> None:
+    text = MAIN + "  - {id: map, viewport: {left: 0.25, top: 0.1, width: 0.5, height: 0.4}, border: {}}\n"
+    loaded = loads(TEXT.format(views=text), path=Path("a.yaml"))
+    layout = make_layout(loaded)
+    wall, view = layout.wall, loaded.config.views[1]
+    assert [edges_of(inset, view, wall) for inset in wall.insets] == [
+        ("left", "top", "bottom"),
+        ("top", "right", "bottom"),
+    ]
+    assert edges_of(wall.panels[0], loaded.config.views[0], wall) == ()
+    outlines = [step.node for step in layout.graph.steps if isinstance(step.node, Outline)]
+    assert [(node.id, node.input, node.sides) for node in outlines] == [
+        ("p2", "inside-p2", ("left", "top", "bottom")),
+        ("p3", "inside-p3", ("top", "right", "bottom")),
+    ]
+
+
 def test_later_views_lie_over_earlier_ones_and_one_that_covers_a_panel_whole_is_the_panels() -> None:
     text = (
         MAIN
@@ -103,6 +121,7 @@ def test_viewports_may_cover_a_panel_together() -> None:
             MAIN + "  - {id: map, panels: [r0c1], camera: {follow: mian}}\n",
             "views[1].camera.follow = 'mian': is no view before this one; accepted: main",
         ),
+        (MAIN + "  - {id: map, panels: [r0c1], border: {}}\n", "views[1].border: it has no viewport to go around"),
         ("  - {id: a, camera: {follow: a}}\n", "views[0].camera.follow = 'a': is no view before this one"),
         (
             MAIN + "  - {id: map, panels: [r0c1], camera: {follow: main}, path: {type: orbit}}\n",

@@ -51,6 +51,7 @@ CASES: dict[str, tuple[Operator, int]] = {  # the operator, and how many inputs 
     "mask of an area": (made(OPERATORS["mask"], input="a", area=(3, 2, 5, 20), invert=True), 1),
     "newest": (made(OPERATORS["newest"], inputs=THREE), 3),
     "over": (made(OPERATORS["over"], inputs=THREE), 3),
+    "outline": (made(OPERATORS["outline"], input="a", width=3, sides=("top", "right")), 1),
     "overlay": (made(OPERATORS["overlay"], input="a", text="ab", size=6, at="bottom_right"), 1),
     "image": (made(OPERATORS["image"], area=(-2, 3, 11, 9), file="spot.png", depth=2.0), 0),
     "rotate": (made(OPERATORS["rotate"], input="a", degrees=90), 1),

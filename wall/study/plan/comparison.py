@@ -67,7 +67,7 @@ def with_renderers(loaded: Loaded, count: int) -> Loaded:
     preset = PresetGraph(preset="sort-first", ranks_per_panel=count, sinks=("png",))
     nodes = tuple(
         node.model_copy(update={"on": "head"}) if isinstance(node, ReconstructNode) else node
-        for node in expanded(preset, wall).nodes
+        for node in expanded(preset, wall, loaded.config.views).nodes
     )
     return loaded.with_config(loaded.config.model_copy(update={"graph": NodeGraph(nodes=nodes)}))
 
