@@ -122,7 +122,13 @@ class _Cache(FunctionCache):
 
 def folder_of(source: Path) -> Path:
     """The folder of the kernels in a file."""
-    return cache_root() / source_hash(source)
+    return _root_of(*map(os.environ.get, ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"))) / source_hash(source)
+
+
+@cache
+def _root_of(*environment: str | None) -> Path:
+    """cache_root() under these variables: looked for once, not for each file."""
+    return cache_root()
 
 
 def compiled_kernels() -> int:
