@@ -83,10 +83,10 @@ def doctor(
 
 def examples(
     folder: Annotated[
-        Path | None, typer.Argument(help="Folder that they are copied to, a new one", show_default=False)
+        Path | None, typer.Argument(help="Folder for a copy; nothing in it is written over", show_default=False)
     ] = None,
 ) -> None:
-    """List the configurations that come with the program, or copy them: then what the guide shows works there.
+    """List the configurations that come with the program, or copy them: the guide's commands on configs/ work there.
 
     [bold]wall examples configs[/]
     """
@@ -94,7 +94,7 @@ def examples(
     from wall.commands.examples import examples as listed
 
     if folder is not None:
-        console.print(f"{copy_examples(folder)} files in {folder}/", markup=False, highlight=False)
+        console.print(f"{copy_examples(folder)} files in {folder}/")
         return
     table = Table(box=None, show_header=False)
     for name, about in listed():

@@ -66,6 +66,7 @@ def test_a_wheel_renders_and_runs_an_example_outside_the_clone(tmp_path: Path) -
     done = run([sys.executable, "-c", "import wall; print(wall.__file__)"], home, **installed)
     assert done.stdout.strip() == str(target / "wall/__init__.py")
 
+    assert (target / "wall/configs/views/map_inset.yaml").is_file()
     render = [sys.executable, "-m", "wall", "render", "spheres", "--size", "16x12", "--spp", "1", "-o", "spheres.png"]
     done = run(render, home, **installed)
     assert done.returncode == 0, done.stderr

@@ -10,7 +10,7 @@ from pathlib import Path
 from wall.commands.inputs import EXAMPLES
 from wall.core.errors import RunError
 
-SENTENCE = re.compile(r".*?\.(?= |$)")
+SENTENCE = re.compile(r".*?[^.l]\.(?= [A-Z`]|$)")  # not after "et al."
 
 
 def examples() -> Iterator[tuple[str, str]]:
@@ -23,7 +23,7 @@ def examples() -> Iterator[tuple[str, str]]:
 
 
 def copy_examples(folder: Path) -> int:
-    """Copy all of them, with the files that they name, into a new folder. Returns how many files that are.
+    """Copy all of them, with the files that they name, into a folder. Returns how many files that are.
 
     Raises RunError where one of them is there already, before anything is written, or where none can be written.
     """
@@ -32,7 +32,10 @@ def copy_examples(folder: Path) -> int:
         if (there := folder / path.relative_to(EXAMPLES)).exists():
             raise RunError(f"{there}: is there already; wanted a folder without it")
     try:
-        shutil.copytree(EXAMPLES, folder, dirs_exist_ok=True)
-    except (OSError, shutil.Error) as error:
-        raise RunError(f"{folder}: cannot be written ({getattr(error, 'strerror', None) or error})") from None
+        for path in files:
+            copy = folder / path.relative_to(EXAMPLES)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, copy)
+    except OSError as error:
+        raise RunError(f"{folder}: cannot be written ({error.strerror or error})") from None
     return len(files)

@@ -72,8 +72,8 @@ def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
     if config.compositors > (most := len(wall.panels) + apart):
         came = f"{config.compositors} compositors cannot share {len(wall.panels)} panels"
         raise loaded.error(("graph", "compositors"), came, f"1 to {most}")
-    lines = any(view.border is not None for view in loaded.config.views)
-    nodes = len(wall.viewports) * (lines + (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3))
+    nodes = len(wall.viewports) * (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3)
+    nodes += sum(loaded.config.views[viewport.view].border is not None for viewport in wall.insets)
     if nodes > MAX_NODES:
         came = f"{len(wall.panels)} panels with {config.ranks_per_panel} ranks each take {nodes} nodes"
         raise loaded.error(("graph", "ranks_per_panel"), came, f"fewer ranks: at most {MAX_NODES} nodes")

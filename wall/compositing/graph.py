@@ -199,7 +199,7 @@ class Graph:
 
     @property
     def plain(self) -> bool:
-        """Whether every panel's samples are its image, and the sinks show just those."""
+        """Whether every panel's samples are its image, but for lines around, and the sinks show just those."""
         ops, panels = {step.node.op_name for step in self.steps}, {layer.panel for layer in self.layers}
         as_traced = not any(layer.of_its_own for layer in self.layers)
-        return ops <= {"reconstruct", "tile", "sink"} and len(panels) == len(self.layers) and as_traced
+        return ops <= {"reconstruct", "outline", "tile", "sink"} and len(panels) == len(self.layers) and as_traced

@@ -246,7 +246,7 @@ def _plain(key: str) -> str:
 def _near_file(path: Path) -> str:
     folder = path.parent
     if not folder.is_dir():
-        return "; wall examples configs copies those that come with the program" * (folder.name == "configs")
+        return "; wall examples configs copies those that come with the program" * ("configs" in path.parts)
     return nearest(path.name, (p.name for p in folder.iterdir()))
 
 

@@ -4,7 +4,8 @@ numba's disk cache checks only the file that a kernel stands in, not the files t
 kernels have a cache folder of their own, named by a hash over that file and every `wall` file that it imports: an edit
 recompiles what depends on it, and nothing else. A cache that names a class which has moved since counts as empty.
 
-A folder is looked at when a kernel is first called or compiled: most of the some 400 that a process declares never are.
+A folder is looked at when a kernel is first called or compiled: most of the 400 or so kernels that a process declares
+never are. The hash is of the sources as they are when a kernel is declared: they may be others when it is called.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from numba.core.runtime.nrt import rtsys
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 LONGEST_LOCK_S = 2.0  # of an index, held for milliseconds; without it a kernel may be lost, and compiled again
+STAMP = ""  # of all sources: the name of their folder says which they are
 DECORATORS = PACKAGE / "core" / "jit.py"  # how kernels are compiled
 
 _sources: set[Path] = set()  # files with kernels of this process
@@ -40,8 +42,9 @@ class KernelCache:
     """A function's compiled kernels: numba's cache, made when the first is looked for."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
-        _sources.add(Path(function.__code__.co_filename))
+        self._function, source = function, Path(function.__code__.co_filename)
+        source_hash(source)  # known from now on
+        _sources.add(source)
 
     @cached_property
     def _cache(self) -> FunctionCache:
@@ -59,10 +62,12 @@ class KernelCache:
         The compiler fills these itself. A loaded kernel calls numba's runtime, and nothing else of it.
         """
         rtsys.initialize(target)
-        return self._cache._load_overload(signature, target)
+        with suppress(OSError):  # of a folder that another user made: it is compiled again
+            return self._cache._load_overload(signature, target)
+        return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Save a kernel to a cache that other processes save to at this moment; on a full disk it is not kept."""
+        """Save a kernel to a cache that others save to at this moment; where that cannot be, it is not kept."""
         with suppress(OSError):
             self._cache.save_overload(signature, compiled)
 
@@ -104,12 +109,16 @@ class _Index(IndexDataCacheFile):
         """
         name = self._data_name_pattern.replace("{number:d}", uuid4().hex)
         self._save_data(name, data)  # before anybody can look for it
-        with locked(Path(f"{self._index_path}.lock"), LONGEST_LOCK_S):
-            index = self._load_index()
-            if key not in index:
-                self._save_index(index | {key: name})
-                return
-        os.unlink(self._data_path(name))  # another process was faster
+        known = False
+        try:
+            with locked(Path(f"{self._index_path}.lock"), LONGEST_LOCK_S):
+                index = self._load_index()
+                if key not in index:  # else another process was faster
+                    self._save_index(index | {key: name})
+                    known = True
+        finally:
+            if not known:
+                os.unlink(self._data_path(name))
 
 
 class _Cache(FunctionCache):
@@ -117,7 +126,7 @@ class _Cache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file = _Index(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
+        self._cache_file = _Index(self._cache_path, self._impl.filename_base, STAMP)
 
 
 def folder_of(source: Path) -> Path:
@@ -133,7 +142,7 @@ def _root_of(*environment: str | None) -> Path:
 
 def compiled_kernels() -> int:
     """Compiled kernels in this process's cache folders; one may be there for several argument types."""
-    return sum(len(list(folder_of(source).glob("*.nbc"))) for source in _sources)
+    return sum(len(list(folder_of(source).glob("*.nbc"))) for source in tuple(_sources))
 
 
 @contextmanager

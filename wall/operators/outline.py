@@ -22,7 +22,7 @@ LineColor = tuple[Share, Share, Share]
 
 
 class Outline(Operator):
-    """One colour along the edges, inside of the framelet's rectangle; what is beneath is not seen."""
+    """One colour along the edges, just inside the framelet's rectangle; depth stays that of what is beneath."""
 
     op: Literal["outline"] = Field(description="a line along the edges")
     input: Input

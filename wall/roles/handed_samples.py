@@ -10,6 +10,7 @@ from wall.core.data import Float32
 from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.display.base import PanelSamples
+from wall.operators.outline import Outline
 from wall.roles.plan import Layout
 
 
@@ -51,11 +52,12 @@ def why_images(layout: Layout) -> tuple[str, ...]:
     covered = {panel.inset_of for panel in wall.insets}
     layers = {layer.panel: layer for layer in graph.layers}
     pages = [s for s in graph.steps if isinstance(s.node, SinkNode) and s.node.kind == "browser"]
+    lined = {panel for s in graph.steps if isinstance(s.node, Outline) for panel in s.panels}
     found = []
     for k in range(len(wall.panels)):
         if k in layers and layers[k].of_its_own:
             found.append("it has a rate or a resolution of its own")
-        elif not graph.plain or any(page.panels != tuple(range(len(wall.panels))) for page in pages):
+        elif not graph.plain or k in lined or any(page.panels != tuple(range(len(wall.panels))) for page in pages):
             found.append("operators of the graph change them")
         elif k in covered or k not in layers:
             found.append("another view lies on a panel")

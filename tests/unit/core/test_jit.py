@@ -143,6 +143,32 @@ def test_a_kernel_that_a_full_disk_does_not_keep_works(tmp_path: Path, monkeypat
     assert full.called
 
 
+@pytest.mark.usefixtures("compiled_only")
+def test_sources_that_change_under_a_process_do_not_give_its_kernels_their_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    source, text = tmp_path / "kernel_file.py", "def twice(x):\n    return 2 * x\n"
+    source.write_text(text, encoding="utf-8")
+    scope: dict[str, Any] = {}
+    exec(compile(text, str(source), "exec"), scope)
+    kernel = jit.kernel(scope["twice"])
+    source.write_text(text.replace("2 * x", "3 * x"), encoding="utf-8")
+    assert kernel(21) == 42
+    (tmp_path / "as_it_was.py").write_text(text, encoding="utf-8")
+    assert Path(kernel._cache.cache_path).name == kernel_cache.source_hash(tmp_path / "as_it_was.py")
+    assert list(Path(kernel._cache.cache_path).glob("*.nbc"))
+
+
+@pytest.mark.usefixtures("compiled_only")
+def test_a_kernel_whose_cache_cannot_be_read_is_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    kernel = jit.kernel(lambda x: 2 * x)
+    monkeypatch.setattr(kernel._cache._cache._cache_file, "_load_index", Mock(side_effect=PermissionError))
+    assert kernel(21) == 42
+    assert not list(tmp_path.rglob("*.nbc")), "nor left behind where no index tells of it"
+
+
 def test_a_process_that_calls_no_kernel_does_not_look_at_the_cache(tmp_path: Path) -> None:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "NUMBA_DISABLE_JIT": "0"}
     command = [sys.executable, "-c", "import wall.tracing.kernels.trace"]

@@ -111,3 +111,6 @@ def test_a_panel_of_another_compositor_or_beneath_an_inset_comes_as_images() -> 
     inset = inset.replace("0.6, 0]}}]", f"0.6, 0]}}}}, {view}]")
     assert why_images(plan_of(two).layout) == ("", "another compositor makes them")
     assert why_images(plan_of(inset).layout) == ("another view lies on a panel",)
+    lined = inset.replace(corner, corner.replace("0.5", "0.3", 1) + ", border: {}").replace("columns: 1", "columns: 2")
+    assert "border" in lined
+    assert why_images(plan_of(lined).layout) == ("another view lies on a panel", ""), "but that beside it"

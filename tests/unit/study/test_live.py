@@ -54,6 +54,11 @@ def test_windows_that_a_measurement_leaves_out_are_named(tmp_path: Path):
     assert left_out(path) == "", "samples of two threads travel anyway"
 
 
+def test_what_is_measured_has_no_borders():
+    loaded = load_without_windows(Path(__file__).parents[3] / "configs/views/map_inset.yaml", several=True)
+    assert [view.border for view in loaded.config.views] == [None, None]
+
+
 def test_each_method_runs_the_same_threads_and_seed_without_windows(tmp_path):
     loaded = load_without_windows(config(tmp_path, "sampling: {method: hilbert, threads: 2, seed: 7}"))
 

@@ -24,6 +24,10 @@ def plan_of(count, name="sampler_adaptive.yaml"):
     return make_plan(make_layout(with_renderers(load(CONFIGS / name), count)))
 
 
+def test_a_wall_with_a_border_is_compared_without():
+    assert plan_of(1, "views/map_inset.yaml").layout.graph.layers
+
+
 @pytest.fixture(scope="module")
 def two_renderers():
     return plan_of(2)

@@ -31,14 +31,16 @@ FILE_KEYS = frozenset(
 
 
 def load_without_windows(path: Path, *, several: bool = False) -> Loaded:
-    """A configuration whose images all end at the head. Raises ConfigError where it has no reference image.
+    """A configuration whose images end at the head, without borders. Raises ConfigError where none is a reference.
 
     `several`: views are allowed; references are of the first alone.
     """
     loaded = load(path)
     if len(loaded.config.views) > 1 and not several:
         raise loaded.error(("views", 1), "only one view can be measured so", "one view, or wall measure views")
-    loaded = loaded.with_config(loaded.config.model_copy(update={"graph": _without_windows(loaded.config.graph)}))
+    views = tuple(view.model_copy(update={"border": None}) for view in loaded.config.views)
+    graph = _without_windows(loaded.config.graph)
+    loaded = loaded.with_config(loaded.config.model_copy(update={"graph": graph, "views": views}))
     _check_graph(make_layout(loaded))
     return loaded
 

@@ -63,13 +63,14 @@ class Comparison:
 
 def with_renderers(loaded: Loaded, count: int) -> Loaded:
     """The same wall with so many renderers for each panel, whose samples all travel to the head."""
+    views = tuple(view.model_copy(update={"border": None}) for view in loaded.config.views)  # which a preset draws
     wall = make_layout(loaded).wall
     preset = PresetGraph(preset="sort-first", ranks_per_panel=count, sinks=("png",))
     nodes = tuple(
         node.model_copy(update={"on": "head"}) if isinstance(node, ReconstructNode) else node
-        for node in expanded(preset, wall, loaded.config.views).nodes
+        for node in expanded(preset, wall, views).nodes
     )
-    return loaded.with_config(loaded.config.model_copy(update={"graph": NodeGraph(nodes=nodes)}))
+    return loaded.with_config(loaded.config.model_copy(update={"graph": NodeGraph(nodes=nodes), "views": views}))
 
 
 def compare(
