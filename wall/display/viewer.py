@@ -76,6 +76,8 @@ async def _watch(address: str, display: str, seconds: float, drawing_s: float) -
                 if said["kind"] == "picture":
                     left, number = said["panels"], said["number"]
                 continue
+            if message.type is not aiohttp.WSMsgType.BINARY:
+                raise aiohttp.ClientConnectionError("it has gone")  # and would say so as often as it is asked
             left -= 1
             if now >= began:
                 got.bytes += len(message.data)
@@ -117,6 +119,8 @@ async def _visit(address: str, commands: Sequence[Mapping[str, object]], display
                 if said["kind"] == "picture":
                     left, number = said["panels"], said["number"]
                 continue
+            if message.type is not aiohttp.WSMsgType.BINARY:
+                raise aiohttp.ClientConnectionError("it has gone")  # and would say so as often as it is asked
             left -= 1
             if left == 0:
                 images += 1

@@ -6,6 +6,7 @@ import asyncio
 import io
 import json
 import socket
+import threading
 import time
 from contextlib import closing
 from dataclasses import replace
@@ -93,11 +94,20 @@ def test_slow_viewer_has_no_backlog_and_gets_the_newest_next(browser, image, sta
 def test_a_visitor_draws_what_it_gets_and_steers(browser, image, status):
     browser.show(image(1), status)
     pause = {"kind": "pause"}
-    assert visit(browser.address, [pause], display="images", seconds=0.3) >= 1
+    assert visit(browser.address, [pause], display="images", seconds=2.0) >= 1
     assert browser.commands() == [pause]
     assert browser.dropped() == {}
     with pytest.raises(RunError, match="no page of a wall answers"):
         visit("http://127.0.0.1:9/", [], display="images", seconds=0.3)
+
+
+def test_a_visitor_of_a_page_that_goes_is_told_so_at_once(browser, image, status):
+    browser.show(image(1), status)
+    threading.Timer(0.5, browser.close).start()
+    began = time.monotonic()
+    with pytest.raises(RunError, match="it has gone"):
+        visit(browser.address, [], display="images", seconds=30.0)
+    assert time.monotonic() < began + 20.0
 
 
 def test_a_status_is_told_without_an_image(browser, image, status):
