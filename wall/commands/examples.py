@@ -10,7 +10,7 @@ from pathlib import Path
 from wall.commands.inputs import EXAMPLES
 from wall.core.errors import RunError
 
-SENTENCE = re.compile(r".*?[^.l]\.(?= [A-Z`]|$)")  # not after "et al."
+SENTENCE = re.compile(r".*?(?<!et al)\.(?= [A-Z`]|$)")
 
 
 def examples() -> Iterator[tuple[str, str]]:

@@ -286,3 +286,8 @@ class ViewConfig(Model):
                 at=("camera", "fov"),
             )
         return self
+
+
+def without_borders(views: tuple[ViewConfig, ...]) -> tuple[ViewConfig, ...]:
+    """The same views with no lines around them."""
+    return tuple(view.model_copy(update={"border": None}) for view in views)

@@ -70,14 +70,12 @@ async def _watch(address: str, display: str, seconds: float, drawing_s: float) -
         await connection.send_json({"kind": "display", "value": display})
         began = time.monotonic() + SETTLE_S
         while (now := time.monotonic()) < began + seconds:
-            message = await connection.receive(timeout=LOST_S)
+            message = await _received(connection)
             if message.type is aiohttp.WSMsgType.TEXT:
                 said = json.loads(message.data)
                 if said["kind"] == "picture":
                     left, number = said["panels"], said["number"]
                 continue
-            if message.type is not aiohttp.WSMsgType.BINARY:
-                raise aiohttp.ClientConnectionError("it has gone")  # and would say so as often as it is asked
             left -= 1
             if now >= began:
                 got.bytes += len(message.data)
@@ -88,6 +86,14 @@ async def _watch(address: str, display: str, seconds: float, drawing_s: float) -
                 await asyncio.sleep(drawing_s)
                 await connection.send_json({"kind": "shown", "number": number})
     return got
+
+
+async def _received(connection: aiohttp.ClientWebSocketResponse) -> aiohttp.WSMessage:
+    """The next message of a page. Raises ClientConnectionError if that has gone, TimeoutError if none comes."""
+    message = await connection.receive(timeout=LOST_S)
+    if message.type not in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY):
+        raise aiohttp.ClientConnectionError("it has gone")  # a closed connection says so as often as it is asked
+    return message
 
 
 def visit(address: str, commands: Sequence[Mapping[str, object]], *, display: str, seconds: float) -> int:
@@ -113,14 +119,12 @@ async def _visit(address: str, commands: Sequence[Mapping[str, object]], display
             if sent < len(commands) and now >= began + seconds * sent / len(commands):
                 await connection.send_json(commands[sent])
                 sent += 1
-            message = await connection.receive(timeout=LOST_S)
+            message = await _received(connection)
             if message.type is aiohttp.WSMsgType.TEXT:
                 said = json.loads(message.data)
                 if said["kind"] == "picture":
                     left, number = said["panels"], said["number"]
                 continue
-            if message.type is not aiohttp.WSMsgType.BINARY:
-                raise aiohttp.ClientConnectionError("it has gone")  # and would say so as often as it is asked
             left -= 1
             if left == 0:
                 images += 1

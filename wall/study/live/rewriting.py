@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 from wall.config.graph import GraphConfig, NodeGraph, SinkNode
 from wall.config.loading import Loaded, dump, load
 from wall.config.sampling import AnySampling, switched
-from wall.config.views import OrbitPathConfig
+from wall.config.views import OrbitPathConfig, without_borders
 from wall.core.errors import ConfigError
 from wall.geometry.expanding import expanded_config
 from wall.roles.plan import Layout, Plan, aimed, make_layout, make_plan, why_not_at_renderer
@@ -38,8 +38,7 @@ def load_without_windows(path: Path, *, several: bool = False) -> Loaded:
     loaded = load(path)
     if len(loaded.config.views) > 1 and not several:
         raise loaded.error(("views", 1), "only one view can be measured so", "one view, or wall measure views")
-    views = tuple(view.model_copy(update={"border": None}) for view in loaded.config.views)
-    graph = _without_windows(loaded.config.graph)
+    graph, views = _without_windows(loaded.config.graph), without_borders(loaded.config.views)
     loaded = loaded.with_config(loaded.config.model_copy(update={"graph": graph, "views": views}))
     _check_graph(make_layout(loaded))
     return loaded

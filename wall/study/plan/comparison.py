@@ -16,6 +16,7 @@ from typing import Any
 from wall.compositing.presets import expanded
 from wall.config.graph import NodeGraph, PresetGraph, ReconstructNode
 from wall.config.loading import Loaded
+from wall.config.views import without_borders
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.study.live.cpu_limit import own_cores
 from wall.study.live.runs import run_anew
@@ -63,7 +64,7 @@ class Comparison:
 
 def with_renderers(loaded: Loaded, count: int) -> Loaded:
     """The same wall with so many renderers for each panel, whose samples all travel to the head."""
-    views = tuple(view.model_copy(update={"border": None}) for view in loaded.config.views)  # which a preset draws
+    views = without_borders(loaded.config.views)  # which a preset draws
     wall = make_layout(loaded).wall
     preset = PresetGraph(preset="sort-first", ranks_per_panel=count, sinks=("png",))
     nodes = tuple(
