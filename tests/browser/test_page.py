@@ -42,7 +42,7 @@ def test_page_shows_every_panel_with_its_own_image(page, source):
 
 
 def test_a_page_of_another_format_loads_itself_anew(page, source, monkeypatch):
-    with page.expect_navigation():
+    with page.expect_event("framenavigated"):
         monkeypatch.setattr("wall.display.stream.FORMAT", 3)
         source.version += 1
     monkeypatch.undo()

@@ -72,11 +72,17 @@ function connect() {
 }
 
 // A page that was left open while the wall was renewed cannot read what comes, and loads itself anew.
+// It hears no more until then: a second reload would end the first.
 function takeBytes(data, pictures) {
   const [, kind, format] = new Uint8Array(data, 0, 3);
-  if (format !== FORMAT) location.reload();
-  else if (kind === STATISTICS) overlay.take(data);
-  else pictures.panel(data);
+  if (format !== FORMAT) {
+    socket.onmessage = null;
+    location.reload();
+  } else if (kind === STATISTICS) {
+    overlay.take(data);
+  } else {
+    pictures.panel(data);
+  }
 }
 
 function take(message, pictures) {
