@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 from running import (
+    comes,
     mpirun,
     page_of,
     panels,
@@ -149,27 +150,32 @@ def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
     config, events = write_config(tmp_path, path=ORBIT, restarts=1, encrypt="always"), tmp_path / "run.events"
-    run = running("run", config, "--headless", "--out", tmp_path / "out", "--record", events)
+    out = tmp_path / "out"
+    run = running("run", config, "--headless", "--out", out, "--record", events)
     nursery = renderers(run)[-1]  # forked last
 
     def kill_renderer() -> None:
         (only,) = set(renderers_of(run)) - {nursery}
         os.kill(only, signal.SIGKILL)
 
+    def second_life_traced() -> bool:
+        written = summary(out) if (out / "summary.json").exists() else {"restarts": {}}
+        return "1" in written["restarts"] and written["ranks"][1]["samples_traced"] > 64 * 48
+
     kill_renderer()
     said = read_until(run, "was started again")
-    time.sleep(1.0)
+    comes(second_life_traced, "samples of the second renderer in the results", START_LIMIT_S)
     kill_renderer()
     output, _ = run.communicate(timeout=START_LIMIT_S)
 
-    found = summary(tmp_path / "out")
+    found = summary(out)
     assert run.returncode == 1, output
     assert "rank 1: died (signal 9)" in said
     assert found["ended"] == "no renderer is left"
     assert len(found["restarts"]["1"]) == 1
     assert found["lost"].keys() == {"1"}
     assert found["ranks"][1]["samples_traced"] > 64 * 48, "those of the second alone"
-    assert panels(tmp_path / "out")[0].std() > 10
+    assert panels(out)[0].std() > 10
     assert not session_of(run.pid)
     table, last = replay(events, ranks=(), jobs=1, say=lambda line: None)
     assert isinstance(table, Table)
