@@ -139,7 +139,9 @@ print("compiled:", *{name.split("(")[0] for name in specialisations()})
 print("loaded:", *sys.modules)
 """
 NOT_OF_BUILT_IN_SCENES = {"trimesh", "networkx", "scipy.linalg", "scipy.sparse", "scipy.spatial", "OpenEXR", "moderngl"}
-NOT_OF_A_RATE = ("wall.reconstruction.", "wall.deepbuffer.", "wall.sampling.kernels.adaptive.")
+NOT_OF_A_RATE = (
+    "wall.reconstruction.", "wall.deepbuffer.", "wall.sampling.kernels.adaptive.", "wall.sampling.kernels.scores.",
+)  # fmt: skip
 
 
 def test_check_tells_ranks_features_and_rates_and_loads_only_what_it_measures(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from wall.deepbuffer.kernels import insert as kernels_insert
 from wall.deepbuffer.kernels import reproject as kernels_reproject
 from wall.deepbuffer.kernels import reproject_rows as kernels_rows
 from wall.deepbuffer.kernels import sort as kernels_sort
-from wall.deepbuffer.kernels.accumulation import BITS, MEAN_ALONE
+from wall.deepbuffer.kernels.accumulation import BITS
 from wall.deepbuffer.kernels.columns import BEFORE
 from wall.deepbuffer.kernels.coverage import count_by_cell
 from wall.deepbuffer.kernels.doubt import FRESH
@@ -29,6 +29,7 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import BLOCK
 from wall.deepbuffer.pose import Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
+from wall.deepbuffer.rest import OTHER_MOMENTS
 from wall.deepbuffer.store import PixelHistory, SampleStore
 
 SAMPLES_PER_PIXEL = 4  # kept on average
@@ -41,7 +42,6 @@ CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing th
 CELLS = (9, 16)  # parts of an image of which it is told whether samples show there
 LOOKED_AT, SHOWS = 32, 1 / 16  # samples on average of each; share of that average with which a part shows something
 ALL_TIMES = np.float32(-np.inf)
-OTHER_MOMENTS = MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
 
 
 class DeepBuffer:
@@ -337,57 +337,3 @@ class SortSchedule:
     def end_refresh(self, count: int, *, tidied: bool) -> None:
         """To be called at the end of every refresh, with the samples that are stored now."""
         self._refreshes, self._counted = 0 if tidied else self._refreshes + 1, count
-
-
-class RestSchedule:
-    """When tiles in which nothing moves are resolved anew: what moved there may have left holes, samples fill them.
-
-    First after a sixteenth of a sample a pixel, or an eighth where only some tiles moved, then after twice as many,
-    and so on, until pixels show their own means. Once in INTERVAL_S at most: meanwhile pixels show what they have.
-    """
-
-    INTERVAL_S = 0.1
-    FIRST, AGAIN = 1.0 / 16.0, 1.0 / 8.0  # samples a pixel
-
-    def __init__(self, arrived: NDArray[np.int32], pixels: int, *, last: float = float(MEAN_ALONE)) -> None:
-        """arrived : (rows, columns) samples that came to tiles of `pixels`; counted by others, here set to 0.
-
-        last : samples a pixel, with which it shows its own mean
-        """
-        self._arrived, self._last = arrived, int(last * pixels)
-        self._first, self._again = max(int(self.FIRST * pixels), 1), max(int(self.AGAIN * pixels), 1)
-        self._due = np.full_like(arrived, self._first)
-        self._next = float("-inf")  # not before, seconds
-
-    def move(self, tiles: NDArray[np.bool_] | None = None) -> None:
-        """Something moved in these tiles, in all if None: they were resolved."""
-        chosen = slice(None) if tiles is None else tiles
-        self._arrived[chosen], self._due[chosen] = 0, self._first if tiles is None else self._again
-        self._next = float("-inf") if tiles is None else self._next
-
-    def take_due(self, now: float) -> NDArray[np.bool_]:
-        """(rows, columns) bool of tiles that are to be resolved anew, at `now` seconds."""
-        due: NDArray[np.bool_] = (self._arrived >= self._due) & (self._due <= self._last) & (now >= self._next)
-        if due.any():
-            self._next = now + self.INTERVAL_S
-        late = due
-        while late.any():
-            self._due[late] *= 2
-            late = self._due <= np.minimum(self._arrived, self._last)
-        return due
-
-
-def come_to_rest(poses: PoseTracker, history: PixelHistory) -> None:
-    """To be called once nothing moves any more: samples accumulated at other times of the scene now weigh little.
-
-    Too little for any pixel to be complete: what moved last may cover it, or shade it, and no sample has told yet.
-    """
-    if poses.spans_moments:
-        poses.spans_moments = False
-        limit_means(history)
-
-
-def limit_means(history: PixelHistory) -> None:
-    """Let what pixels accumulated weigh too little for any of them to be complete."""
-    kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
-    history.dirty[:] = True

@@ -16,6 +16,7 @@ from wall.geometry.moving import MovingEvent, later
 from wall.geometry.panels import Panel
 from wall.geometry.scan import ImageScan
 from wall.scene.build import Scene
+from wall.scene.model import Material
 
 
 class PoseTracker:
@@ -47,6 +48,11 @@ class PoseTracker:
     def shown(self) -> Event | None:
         """The event of the image; None before the first."""
         return self._shown
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """Of the scene, as the image shows it."""
+        return self._shading.materials
 
     def show(self, event: Event) -> None:
         """Show `event` from now on; nothing moves if the event before has the same number."""
@@ -110,6 +116,7 @@ class PoseTracker:
             and (of_shown_pose if self.nothing_moves else same_camera(event, self._shown)),
             ignores_change=self.nothing_moves or not change_test or not same_edits,  # edits are known without rays
             most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
+            most_settled=np.float32(samples_per_pixel),
             detects_change=detects_change,
             of_shown_pose=of_shown_pose and self._scan is None,
             left=np.float32(self.rect.x),

@@ -71,6 +71,8 @@ class PixelHistory(NamedTuple):
     rejected_object: NDArray[np.uint32]  # (h, w) object whose samples lose it
     temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt_irradiance| that samples find in a tile
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles with a pixel that a sample contradicted
+    still: NDArray[np.bool_]  # (rows, columns) tiles that nothing that moves can reach, see StillTiles
+    settled: NDArray[np.bool_]  # (h, w) pixels of these that show no mirror: nothing can change in them
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
     accumulating: NDArray[np.bool_]  # (rows, columns) tiles that may have an accumulation
     held: NDArray[np.uint32]  # (rows, columns) objects whose samples a tile's accumulation may hold, see object_bit
@@ -91,6 +93,8 @@ class PixelHistory(NamedTuple):
             rejected_object=np.zeros((height, width), np.uint32),
             temporal_gradient=np.zeros(tiles, np.float32),
             contradicted=np.zeros(tiles, np.bool_),
+            still=np.zeros(tiles, np.bool_),
+            settled=np.zeros((height, width), np.bool_),
             dirty=np.zeros(tiles, np.bool_),
             accumulating=np.zeros(tiles, np.bool_),
             held=np.zeros(tiles, np.uint32),

@@ -86,14 +86,3 @@ class Bands:
                 splat(store, weight, count, bounds, tiles, sums, irradiance, band)
 
         self._threads.share(len(self._bands), splat_bands)
-
-
-def with_neighbours(tiles: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(rows, columns) bool: these tiles and the eight around each."""
-    wide = tiles.copy()
-    wide[:, 1:] |= tiles[:, :-1]
-    wide[:, :-1] |= tiles[:, 1:]
-    grown = wide.copy()
-    grown[1:] |= wide[:-1]
-    grown[:-1] |= wide[1:]
-    return grown

@@ -44,7 +44,7 @@ class DynamicResolution:
         """`scale` to begin with; others: see Reconstruction."""
         self._panel, self._threads, self._samples_per_pixel = panel, Threads(threads), samples_per_pixel
         self._make: Callable[..., Reconstruction] = partial(
-            Reconstruction, eye=eye, scene=scene, detects_change=detects_change, threads=threads
+            Reconstruction, eye=eye, scene=scene, detects_change=detects_change, threads=threads, settles=True
         )
         self.scale, self._next, self._whole, self.refreshes = scale, scale, False, 0
         self.gathers = False  # keep enough samples for an image that is finer by one step

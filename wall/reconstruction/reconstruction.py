@@ -16,14 +16,7 @@ from numpy.typing import NDArray
 from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.core.threads import Threads
 from wall.core.tone_mapping import AS_IT_IS, Tone
-from wall.deepbuffer.deep_buffer import (
-    SAMPLES_PER_PIXEL,
-    DeepBuffer,
-    RestSchedule,
-    come_to_rest,
-    limit_means,
-    take_dirty,
-)
+from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL, DeepBuffer, take_dirty
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import COUNT, NEAREST_DEPTH, NEAREST_OBJECT
@@ -31,9 +24,11 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import BLOCK
 from wall.deepbuffer.pose import Pose, Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
+from wall.deepbuffer.rest import RestSchedule, come_to_rest, limit_means
+from wall.deepbuffer.still_tiles import StillTiles, with_neighbours
 from wall.deepbuffer.store import SampleStore
 from wall.geometry.panels import Panel
-from wall.reconstruction.bands import Bands, with_neighbours
+from wall.reconstruction.bands import Bands
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.kernels import splat as kernels_splat
 from wall.reconstruction.kernels import visibility as kernels_visibility
@@ -86,8 +81,9 @@ class Reconstruction:
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
         ingredients: Ingredients = ALL,
         threads: int = 1,
+        settles: bool = False,
     ) -> None:
-        """`rect` is the part of the panel that is shown, all if None. `detects_change`: see DeepBuffer.
+        """`rect`: part of the panel that is shown, all if None. `detects_change`, `settles`: see DeepBuffer, StillTiles.
 
         So many `threads` share a refresh; the image is the same, bit for bit.
         """
@@ -99,6 +95,7 @@ class Reconstruction:
             self.poses, len(scene.instances), detects_change=detects_change, change_test=ingredients.change_test,
             samples_per_pixel=samples_per_pixel, noisy=noisy, threads=self._threads,
         )  # fmt: skip
+        self._still = StillTiles(scene, self.buffer) if settles and StillTiles.can_have(scene) else None
         width, height = self.rect.width, self.rect.height
         moves = np.zeros(len(scene.instances) + 1, np.uint8)
         moves[scene.animated_objects + 1] = 1
@@ -143,6 +140,8 @@ class Reconstruction:
             self._reconstruct(self._schedule.take_due(now), self.buffer.seconds(now))
         elif not stood:
             come_to_rest(self.poses, history)
+            if self._still is not None:
+                self._still.forget(now, spans_moments=False)
         elif self.count:
             due, seconds = self._schedule.take_due(now), self.buffer.seconds(now)
             if self._lighting is not None:  # which shows stored samples for long: they are not to age
@@ -181,6 +180,7 @@ class Reconstruction:
             accumulation=self.buffer.history.accumulation,
             accumulating=self.buffer.history.accumulating,
             temporal_gradient=self.buffer.history.temporal_gradient,
+            settled=self.buffer.history.settled,
             nothing_moves=self.nothing_moves,
         )
 
@@ -214,7 +214,7 @@ class Reconstruction:
     @property
     def bytes(self) -> int:
         """Memory of all its arrays; it never grows, but for a prior."""
-        parts = (self.buffer, self._pyramid, self._bands, self._lighting, self.surfaces)
+        parts = (self.buffer, self._pyramid, self._bands, self._lighting, self.surfaces, self._still)
         own = sum(array.nbytes for array in vars(self).values() if isinstance(array, np.ndarray))
         return own + sum(part.bytes for part in parts if part is not None)
 
@@ -289,6 +289,8 @@ class Reconstruction:
         buffer.reproject(moved, changed, shown)
         tiles = contradicted | shown | (not self._in_parts())
         redone = self._splat(moved, tiles | due, now)
+        if self._still is not None:
+            self._still.update(float(now))
         buffer.reject_accumulation(changed, redone, with_neighbours(shown))
         self._schedule.move(None if redone.all() else tiles)
 

@@ -17,6 +17,7 @@ from wall.deepbuffer.feedback import Feedback
 from wall.sampling.base import Targets
 from wall.sampling.cut import Cut
 from wall.sampling.kernels import adaptive as kernels
+from wall.sampling.kernels import scores as kernels_scores
 from wall.sampling.tiles import Division, Grid, Measured
 
 FLOOR_MOVING, FLOOR_STILL = np.float32(3e-5), np.float32(1e-5)  # squared display units; see docs/lab/quality.md
@@ -51,7 +52,7 @@ class AdaptiveSampler:
         shape = (rect.height, rect.width)
         contrast, density, score = np.zeros((3, *shape), np.float32)
         score[:] = 1.0
-        self._scores = kernels.Scores(contrast, density, score)
+        self._scores = kernels_scores.Scores(contrast, density, score)
         self._pixels = kernels.Pixels(np.zeros(shape, np.uint16), seed, rect.x, rect.y)
         self.division: Division = (Cut if tiling == "cut" else Grid)(rect.width, rect.height)
         self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
@@ -65,13 +66,14 @@ class AdaptiveSampler:
         scores, accumulation = self._scores, feedback.accumulation
         if feedback.nothing_moves:
             self._floor, self._footprint = FLOOR_STILL, FOOTPRINT_STILL
-            kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, self._tone, scores)
+            kernels_scores.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, self._tone, scores)
         else:
             self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
-            kernels.score_moving(
+            kernels_scores.score_moving(
                 feedback.resolved, feedback.sample_density, accumulation, feedback.accumulating.any(axis=1),
                 self._floor, self._tone, scores,
             )  # fmt: skip
+            kernels_scores.score_settled(feedback.settled, accumulation, FLOOR_STILL, ENOUGH, self._tone, scores)
         change = 0.0 if feedback.nothing_moves else float(feedback.temporal_gradient.mean())
         self.division.balance(scores.contrast, change)
 
@@ -104,7 +106,7 @@ class AdaptiveSampler:
 
     def forget(self, samples: Samples) -> None:
         """Score the pixels of these samples as holes until the next replan; the reconstruction forgets them too."""
-        kernels.mark_lost(samples, self._rect.x, self._rect.y, self._scores.score)
+        kernels_scores.mark_lost(samples, self._rect.x, self._rect.y, self._scores.score)
 
     def choose(self, newest: Event, rays: int | None = None) -> Targets | None:
         """The next `rays`, in whole packets and at least one; None where no pixel gains, under the exposure before."""
@@ -121,12 +123,12 @@ class AdaptiveSampler:
     def observe(self, samples: Samples) -> None:
         """Update scores by samples that the reconstruction has taken in, and has written their `change` to."""
         if not self._uniform:
-            kernels.learn(
+            kernels_scores.learn(
                 samples, self._rect.x, self._rect.y, self._feedback.accumulation, self._feedback.nothing_moves,
-                self._floor, ENOUGH, self._tone, self._scores,
+                self._feedback.settled, self._floor, ENOUGH, self._tone, self._scores,
             )  # fmt: skip
 
 
-def shown_as(tone: Tone) -> kernels.ShownAs:
+def shown_as(tone: Tone) -> kernels_scores.ShownAs:
     """How light is shown, as kernels take it."""
-    return kernels.ShownAs(tone.gain, tone.code, np.float32(WHITES[tone.code]))
+    return kernels_scores.ShownAs(tone.gain, tone.code, np.float32(WHITES[tone.code]))

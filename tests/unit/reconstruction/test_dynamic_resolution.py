@@ -13,7 +13,7 @@ from small_scenes import view
 from wall.core.data import Edits, Float32, Rect, Samples
 from wall.reconstruction.dynamic_resolution import DynamicResolution, Enlarged
 from wall.reconstruction.kernels.splat import MOST_PRIOR
-from wall.sampling.kernels.adaptive import BELIEVED
+from wall.sampling.kernels.scores import BELIEVED
 
 SIZE = (121, 90)  # neither is a multiple of 2 or 4
 SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=SIZE)

@@ -12,7 +12,7 @@ from wall.core.data import Event, Float32, Samples
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
-from wall.sampling.kernels.adaptive import BELIEVED
+from wall.sampling.kernels.scores import BELIEVED
 from wall.scene.build import Scene
 
 SKY = 0

@@ -6,8 +6,8 @@ import numpy as np
 from adaptive_images import GREEN, RED, SIZE, START, centres, event_at, hits, image_of, plate_before_wall
 from numpy.testing import assert_allclose, assert_array_equal
 
-from wall.deepbuffer.deep_buffer import RestSchedule
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.rest import RestSchedule
 
 PIXELS = 160
 

@@ -17,7 +17,7 @@ from wall.packets.samples import decode
 from wall.roles.adaptive_renderer import AdaptiveRenderer
 from wall.roles.plan import first_event, make_layout, make_plan
 from wall.roles.worker import Worker, make_samplers
-from wall.sampling.kernels.adaptive import HOLE
+from wall.sampling.kernels.scores import HOLE
 from wall.tracing.tracer_scene import make_tracer_scene
 
 SIZE = (40, 36)

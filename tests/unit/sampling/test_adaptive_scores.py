@@ -14,9 +14,9 @@ from wall.core.tone_mapping import AS_IT_IS, TONE_MAPPINGS, Tone, tone_mapped
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS
 from wall.sampling.adaptive import ENOUGH, FLOOR_MOVING, AdaptiveSampler, shown_as
-from wall.sampling.kernels import adaptive as kernels
+from wall.sampling.kernels import scores as kernels
+from wall.sampling.kernels.adaptive import PACKET
 
-PACKET = kernels.PACKET
 Path = Callable[[int], Event]
 SHOWN = shown_as(AS_IT_IS)
 RECT = Rect(x=5, y=9, width=40, height=37)  # 3 x 3 tiles, ragged
@@ -31,6 +31,7 @@ def unknown(rect: Rect = RECT, *, nothing_moves: bool = False) -> Feedback:
         accumulation=np.zeros((height, width, ACCUMULATION_COLUMNS), np.float32),
         accumulating=np.ones((-(-height // 16), -(-width // 16)), np.bool_),
         temporal_gradient=np.zeros((-(-height // 16), -(-width // 16)), np.float32),
+        settled=np.zeros((height, width), np.bool_),
         nothing_moves=nothing_moves,
     )
 

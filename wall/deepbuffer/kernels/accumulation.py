@@ -175,17 +175,18 @@ def reject_accumulation(history, changed, tiles, near):
     left_by = bits if changed.shape[0] <= BITS else uint32(0)  # objects: others share bits with too many
     for row in range(tiles.shape[0]):
         for column in range(tiles.shape[1]):
-            if not (tiles[row, column] or near[row, column] or history.held[row, column] & left_by):
+            here = uint32(0) if history.still[row, column] else bits  # what moved is elsewhere, whatever bits say
+            if not (tiles[row, column] or near[row, column] or history.held[row, column] & left_by & here):
                 continue
             top, left = row * TILE, column * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
-            history.dirty[row, column] |= (history.held[row, column] & left_by) != 0
+            history.dirty[row, column] |= (history.held[row, column] & left_by & here) != 0
             if history.accumulating[row, column]:
                 held, unknown = uint32(0), False
                 for i in range(top, bottom):
-                    objects, alone = reject_in_row(history, changed, bits, i, left, right)
+                    objects, alone = reject_in_row(history, changed, here, i, left, right)
                     held, unknown = held | objects, unknown | alone
-                if unknown and near[row, column]:
+                if unknown and here and near[row, column]:
                     held = clear_covered(history, changed, top, left, bottom, right, covered)
                 history.accumulating[row, column], history.held[row, column] = held != 0, held
             if history.contradicted[row, column]:
@@ -260,10 +261,26 @@ def changed_in_row(nearest, changed, i, left, right):
 @kernel
 def limit_counts(accumulation, most):
     """Let every pixel's accumulation weigh as `most` samples (float32) at most."""
+    limit_in(accumulation, most)
+
+
+@inline_kernel
+def limit_in(accumulation, most):
+    """`limit_counts` of a part of an image."""
     for i in range(accumulation.shape[0]):
         for j in range(accumulation.shape[1]):
             if accumulation[i, j, COUNT] > most:
                 shorten(accumulation[i, j], most / accumulation[i, j, COUNT])
+
+
+@kernel
+def limit_counts_in(tiles, accumulation, most):
+    """`limit_counts` of the pixels of some tiles (rows, columns) bool."""
+    for row in range(tiles.shape[0]):
+        for column in range(tiles.shape[1]):
+            if tiles[row, column]:
+                i, j = row * TILE, column * TILE
+                limit_in(accumulation[i : i + TILE, j : j + TILE], most)
 
 
 @inline_kernel

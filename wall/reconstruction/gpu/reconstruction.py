@@ -14,10 +14,8 @@ from wall.core.tone_mapping import AS_IT_IS, Tone
 from wall.deepbuffer.deep_buffer import (
     CLOCK_ORIGIN_S,
     SAMPLES_PER_PIXEL,
-    RestSchedule,
     SortSchedule,
     capacity_for,
-    come_to_rest,
     take_dirty,
 )
 from wall.deepbuffer.kernels.columns import COUNT
@@ -26,6 +24,7 @@ from wall.deepbuffer.kernels.insert import insert
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Pose, Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
+from wall.deepbuffer.rest import RestSchedule, come_to_rest
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.geometry.panels import Panel
 from wall.reconstruction.display_values import update_display

@@ -1,0 +1,192 @@
+"""Still tiles: what changes is in none of them, what had changed there is forgotten, and pixels there are complete."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from adaptive_images import START, centres, event_at, traced
+from small_scenes import BLACK_SKY, Triple, instance, keyframes, material, quad, sphere_mesh, view
+
+from wall.core.data import Event
+from wall.deepbuffer.kernels.columns import COUNT
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.still_tiles import HOLD_S, MOST_MOVERS, StillTiles
+from wall.reconstruction.reconstruction import Reconstruction
+from wall.scene.build import Scene, assemble
+from wall.scene.model import DirectionalLight, Instance, Light, PointLight, Source, SpotLight
+
+SIZE = (160, 96)
+ABOVE = view((0.0, 3.0, 6.0), (0.0, 0.4, 0.0), pixels=SIZE)
+STEP_S = 1 / 20
+SUN = DirectionalLight(direction=(0.48, 0.8, 0.36), irradiance=(2.0, 2.0, 2.0))
+LAMP = PointLight(position=(0.5, 2.5, 1.0), intensity=(6.0, 6.0, 6.0))
+SPOT = SpotLight(
+    position=(-2.5, 2.0, 2.0), direction=(0.7, -0.5, -0.51), intensity=(9.0, 9.0, 9.0), inner_angle=20.0,
+    outer_angle=40.0,
+)  # fmt: skip
+TO_AND_FRO: tuple[Triple, ...] = ((-1.6, 0.5, 0.3), (-1.1, 0.8, 0.6), (-1.6, 0.5, 0.3))
+PAST = 2  # instance of the mirror
+
+
+def court(
+    *lights: Light, path: tuple[Triple, ...] = TO_AND_FRO, times: tuple[float, ...] = (0.0, 0.5, 1.0),
+    mirror: float = 0.0, loop: bool = True, light_path: int | None = None, movers: int = 1,
+) -> Scene:  # fmt: skip
+    """A floor with a post and a ball, which may be a mirror, and a small ball that moves, or several in one place."""
+    places: tuple[Instance, ...] = (
+        replace(instance(0, turn=("x", -90.0)), name="floor"),
+        replace(instance(1, at=(0.3, 0.7, -0.4), scale=(0.1, 0.7, 0.1)), name="post"),
+        replace(instance(2, at=(1.5, 0.5, 0.5), scale=0.5), name="ball"),
+    )
+    mover = instance(1, at=path[0], turn=("z", 20.0), scale=(0.3, 0.15, 0.2))
+    places += tuple(replace(mover, name=f"mover {k}") for k in range(movers))
+    moving = [keyframes(*path, times=times, loop=loop, object="mover *")]
+    if light_path is not None:
+        moving.append(keyframes(*TO_AND_FRO, times=(0.0, 0.5, 1.0), light=light_path))
+    return assemble(
+        Source(
+            meshes=(quad(8.0, 8.0), sphere_mesh(1), sphere_mesh(2)),
+            materials=(material(0.6, 0.6, 0.6), material(0.7, 0.3, 0.2), material(0.2, 0.3, 0.7, mirror=mirror)),
+            instances=places,
+            lights=lights,
+            sky=BLACK_SKY,
+            animation=tuple(moving),
+        )
+    )
+
+
+def image_that_settles(scene: Scene) -> Reconstruction:
+    return Reconstruction(ABOVE.panel, ABOVE.eye, scene, detects_change=True, settles=True)
+
+
+def moment(k: int, **camera: Triple) -> Event:
+    return replace(event_at(k, ABOVE, scene_time=k * STEP_S, **camera), input_time=START + k * STEP_S)
+
+
+def show(image: Reconstruction, scene: Scene, k: int, *, share: float = 1.0, **camera: Triple) -> None:
+    """Trace pixels' centres under the event of step k, a share of them drawn by chance, and show it."""
+    event, xy = moment(k, **camera), centres(SIZE)
+    samples = traced(scene, event, xy[np.random.default_rng(k).random(len(xy)) < share], ABOVE)
+    image.insert(samples, event.input_time, event)
+    image.refresh(event, event.input_time)
+
+
+def radiance(scene: Scene, k: int) -> np.ndarray:
+    samples = traced(scene, moment(k), seen=ABOVE)
+    x, y = samples["xy"].astype(int).T
+    found = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
+    found[y, x] = samples["radiance"]
+    return found
+
+
+@pytest.mark.parametrize("lights", [(SUN,), (LAMP,), (SPOT,), (SUN, LAMP)], ids=["sun", "lamp", "spot", "both"])
+@pytest.mark.parametrize("mirror", [0.0, 0.6])
+def test_no_pixel_that_changes_is_settled(lights: tuple[Light, ...], mirror: float) -> None:
+    scene = court(*lights, mirror=mirror)
+    image, before, changed = image_that_settles(scene), radiance(scene, 0), 0
+    shares = []
+    for k in range(1, 45):
+        show(image, scene, k)
+        now, settled = radiance(scene, k), image.buffer.history.settled
+        differs = (np.abs(now - before) > 1e-6).any(axis=-1)
+        assert not (differs & settled).any(), f"at step {k}"
+        changed, before = changed + int(differs.sum()), now
+        shares.append(settled.mean())
+    assert changed > 2000, "the test would see it"
+    assert not any(shares[: int(HOLD_S / STEP_S) - 1]), "held at first"
+    assert 0.3 < shares[-1] < 0.97, "and the rest is"
+
+
+def test_a_mirror_never_settles_and_what_surrounds_it_does() -> None:
+    scene, plain = court(SUN, mirror=0.6), court(SUN)
+    settled = []
+    for each in (scene, plain):
+        image = image_that_settles(each)
+        for k in range(1, 25):
+            show(image, each, k)
+        settled.append(image.buffer.history.settled)
+        nearest = image.find_nearest().object_id
+    ball = nearest == PAST + 1
+    assert ball.sum() > 200
+    assert not settled[0][ball].any()
+    assert settled[1][ball].all()
+    assert np.array_equal(settled[0][~ball], settled[1][~ball]) or (settled[0] ^ settled[1])[~ball].mean() < 0.01
+
+
+def test_what_a_mover_left_behind_is_forgotten_though_few_samples_come() -> None:
+    far_away: tuple[Triple, ...] = (
+        (-1.6, 0.5, 0.3), (-1.1, 0.8, 0.6), (1.2, 0.6, 1.6), (1.4, 0.6, 1.6), (1.2, 0.6, 1.6), (1.4, 0.6, 1.6),
+    )  # fmt: skip
+    scene = court(SUN, path=far_away, times=(0.0, 2.0, 2.5, 4.5, 6.5, 8.5), loop=False)
+    image = image_that_settles(scene)
+    for k in range(1, 160):
+        show(image, scene, k, share=0.2)
+    settled, expected = image.buffer.history.settled, radiance(scene, 159)
+    was = (np.abs(radiance(scene, 5) - expected) > 1e-3).any(axis=-1) & settled
+    assert was.sum() > 50, "pixels that it covered or shaded are settled now"
+    error = np.abs(image.radiance - expected).max(axis=-1)
+    assert error[was].max() < 0.01
+    assert error[settled & (image.accumulated_counts() >= 4)].max() < 0.01
+
+
+def test_samples_of_still_tiles_are_not_driven_out_by_those_that_come_elsewhere() -> None:
+    scene = court(SUN)
+    image = image_that_settles(scene)
+    for k in range(1, 15):
+        show(image, scene, k, share=0.3)
+    settled = image.buffer.history.settled.copy()
+    xy = centres(SIZE)[~settled.reshape(-1)]
+    for k in range(15, 80):
+        event = moment(k)
+        image.insert(traced(scene, event, xy, ABOVE), event.input_time, event)
+        image.refresh(event, event.input_time)
+    assert 65 * len(xy) > 5 * 4 * SIZE[0] * SIZE[1], "five times what is kept in all"
+    assert (image.find_nearest().object_id[settled & image.buffer.history.settled] >= 0).mean() > 0.9
+
+
+def test_settled_pixels_take_no_more_samples_than_a_still_view_and_show_their_mean() -> None:
+    scene = court(SUN)
+    image = image_that_settles(scene)
+    for k in range(1, 60):
+        show(image, scene, k)
+    history, expected = image.buffer.history, radiance(scene, 59)
+    inside = history.settled & (history.accumulation[..., COUNT] > 30)
+    assert inside.mean() > 0.5
+    assert np.abs(image.radiance - expected)[inside].max() < 1e-5, "samples of pixels' middles say all the same"
+    assert image.count < 59 * SIZE[0] * SIZE[1] / 4
+    before = image.count
+    show(image, scene, 60)
+    stored = image.count - before
+    assert stored < (~history.settled).sum() + 64, "others are accumulated alone"
+
+
+@pytest.mark.parametrize("why", ["camera", "light moves", "too many"])
+def test_where_all_may_change_nothing_settles(why: str) -> None:
+    scene = court(SUN, movers=MOST_MOVERS + 1 if why == "too many" else 1)
+    if why == "light moves":
+        scene = court(SUN, LAMP, light_path=1)
+    assert StillTiles.can_have(scene) == (why != "light moves")
+    image = image_that_settles(scene)
+    for k in range(1, 25):
+        camera: dict[str, Triple] = {"position": (0.0, 3.0, 6.0 + 0.001 * k)} if why == "camera" else {}
+        show(image, scene, k, **camera)
+    assert not image.buffer.history.settled.any()
+
+
+def test_when_the_camera_moves_all_that_was_known_is_forgotten_and_found_anew() -> None:
+    scene = court(SUN)
+    image = image_that_settles(scene)
+    for k in range(1, 20):
+        show(image, scene, k)
+    history = image.buffer.history
+    assert history.settled.mean() > 0.5
+    show(image, scene, 20, position=(0.2, 3.0, 6.0))
+    assert not history.settled.any()
+    assert not history.still.any()
+    for k in range(21, 40):
+        show(image, scene, k, position=(0.2, 3.0, 6.0))
+    assert history.settled.mean() > 0.5
+    assert history.settled.shape == (SIZE[1], SIZE[0])
+    assert history.still.shape == (SIZE[1] // TILE, SIZE[0] // TILE)
