@@ -20,6 +20,7 @@ from wall.reconstruction.pyramid import pyramid_sizes
 FLOAT = 4  # bytes
 # bytes of a pixel: three bounds, the image and what of it is resolved, twice the sums of splats, the list of holes
 OF_A_PIXEL = FLOAT * (3 + 3 + 3 + 4 + 4 + 1)
+OF_A_SETTLED = 2 * FLOAT + 1  # of a pixel: the range of its depths, whether it shows a mirror
 OF_A_SAMPLE = FLOAT * (1 + 1 + 1)  # of a sample beside the stores: its weight, and two lists of indices
 OF_A_LIGHT = FLOAT * (light_field.ROWS + 3 * light_field.LIGHTS + 2 * light_field.SPREADS)  # of a pixel, with borders
 OF_SUMS = FLOAT * (light_field.SUMS + 1)  # of a pixel: sums of its light, and its surface
@@ -32,6 +33,7 @@ class Kept:
     lit: bool = False  # they are lit anew
     noisy: bool = False  # their noise is filtered
     detects_change: bool = False
+    settles: bool = False  # tiles may be still though something moves
     samples_per_pixel: float = SAMPLES_PER_PIXEL
     threads: int = 1
 
@@ -46,8 +48,9 @@ def reconstruction_bytes(width: int, height: int, kept: Kept, *, room: bool = Fa
     tiles = -(-height // TILE) * -(-width // TILE)
     of_a_tile = _bytes(PixelHistory.of(TILE, TILE, detects_change=kept.detects_change, noisy=kept.noisy))
     levels = 4 * FLOAT * sum(rows * columns for rows, columns in pyramid_sizes(height, width))
+    of_a_pixel = OF_A_PIXEL + OF_A_SETTLED * kept.settles
     filtered = _lighting_bytes(width, height) if kept.noisy else 0
-    return capacity * of_a_sample + tiles * of_a_tile + OF_A_PIXEL * width * height + levels + FLOAT * AGES + filtered
+    return capacity * of_a_sample + tiles * of_a_tile + of_a_pixel * width * height + levels + FLOAT * AGES + filtered
 
 
 def dynamic_bytes(width: int, height: int, coarsest: int, kept: Kept) -> int:

@@ -83,7 +83,7 @@ class Reconstruction:
         threads: int = 1,
         settles: bool = False,
     ) -> None:
-        """`rect`: part of the panel that is shown, all if None. `detects_change`, `settles`: see DeepBuffer, StillTiles.
+        """`rect`: the part of the panel that is shown, or all. `detects_change`, `settles`: see DeepBuffer, StillTiles.
 
         So many `threads` share a refresh; the image is the same, bit for bit.
         """
@@ -140,8 +140,6 @@ class Reconstruction:
             self._reconstruct(self._schedule.take_due(now), self.buffer.seconds(now))
         elif not stood:
             come_to_rest(self.poses, history)
-            if self._still is not None:
-                self._still.forget(now, spans_moments=False)
         elif self.count:
             due, seconds = self._schedule.take_due(now), self.buffer.seconds(now)
             if self._lighting is not None:  # which shows stored samples for long: they are not to age

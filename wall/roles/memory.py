@@ -7,7 +7,7 @@ viewers add: another sampler that they choose or compare with, their pages.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wall.compositing.graph import Layer, Step
 from wall.config.graph import SinkNode
@@ -15,6 +15,7 @@ from wall.config.sampling import AdaptiveSampling
 from wall.core.data import SAMPLE, Region
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.deepbuffer.kernels.pixel_buffer import PIXEL
+from wall.deepbuffer.still_tiles import StillTiles
 from wall.operators.base import Operator
 from wall.packets.framelets import MAX_RAW, bytes_a_pixel
 from wall.reconstruction.memory import Kept, dynamic_bytes, reconstruction_bytes
@@ -115,7 +116,8 @@ def _layer_bytes(plan: Plan, layer: Layer) -> int:
         return found
     kept = kept_by(plan, layer.view, threads=threads_of(plan, layer))
     if layer.at_renderer:
-        return found + dynamic_bytes(width, height, scale_for(panel, FEWEST), kept)
+        settled = replace(kept, settles=StillTiles.can_have(plan.scene_of(layer.view)))
+        return found + dynamic_bytes(width, height, scale_for(panel, FEWEST), settled)
     if plan.layout.config.reconstruction_of(layer.view) == "gpu":
         return found
     return found + (1 + layer.transparent) * reconstruction_bytes(width, height, kept)

@@ -55,6 +55,7 @@ RANKS = {
     "measure/light": 5,
     "measure/metal": 5,
     "measure/mirrors": 5,
+    "measure/one_mover": 2,
     "measure/orbit": 5,
     "measure/shadows": 5,
     "measure/telephoto": 5,

@@ -99,6 +99,25 @@ def test_no_pixel_that_changes_is_settled(lights: tuple[Light, ...], mirror: flo
     assert 0.3 < shares[-1] < 0.97, "and the rest is"
 
 
+def test_after_a_pause_what_moves_again_is_in_no_settled_pixel() -> None:
+    scene = court(SUN)
+    image = image_that_settles(scene)
+    for k in range(1, 25):
+        show(image, scene, k)
+    for pause in range(1, 21):
+        image.refresh(moment(24), START + (24 + pause) * STEP_S)
+    assert image.nothing_moves
+    before = radiance(scene, 24)
+    for k in range(25, 40):
+        event = moment(k)
+        image.insert(traced(scene, event, seen=ABOVE), event.input_time + 20 * STEP_S, event)
+        image.refresh(event, event.input_time + 20 * STEP_S)
+        now = radiance(scene, k)
+        differs, before = (np.abs(now - before) > 1e-6).any(axis=-1), now
+        assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
+        assert image.buffer.history.settled.mean() > 0.3
+
+
 def test_a_mirror_never_settles_and_what_surrounds_it_does() -> None:
     scene, plain = court(SUN, mirror=0.6), court(SUN)
     settled = []

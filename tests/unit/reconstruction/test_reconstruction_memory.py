@@ -77,3 +77,16 @@ def test_an_image_takes_what_was_worked_out_before_it_was_made(compiled_only: No
         image.refresh(event, START + 0.3 * k)
     give_memory_back()
     assert reconstruction_bytes(*size, kept) == pytest.approx(memory() - before, rel=MEASURED)
+
+
+def test_what_still_tiles_take_was_worked_out() -> None:
+    scene = plate_before_wall((0.0, 0.0, 2.0), (1.0, 0.0, 2.0))
+    made, expected = (
+        [of(settles=settles) for settles in (False, True)]
+        for of in (
+            lambda settles: Reconstruction(SEEN.panel, SEEN.eye, scene, detects_change=True, settles=settles).bytes,
+            lambda settles: reconstruction_bytes(*SIZE, Kept(detects_change=True, settles=settles), room=True),
+        )
+    )
+    assert made[1] - made[0] == pytest.approx(expected[1] - expected[0], rel=0.02)
+    assert made[0] == pytest.approx(expected[0], rel=0.01)
