@@ -43,7 +43,7 @@ class StillTiles:
         self._materials = [scene.meshes[each.mesh].material for each in scene.instances]
         self._mirrors = np.zeros(len(self._materials) + 1, np.uint8)
         self._spheres: dict[int, tuple[Float64, float]] = {}  # of meshes: centre in object space, radius
-        self._centres: dict[int, Float64] = {}  # of what moved last, world
+        self._before: Float64 | None = None  # (n, 4, 4) world_from_object of the image before
         self._renew_in, self._knows = RENEW_EVERY, True
         self.forget(-HOLD_S, spans_moments=False)
         self._compile()
@@ -62,6 +62,7 @@ class StillTiles:
             self._knows = False
             self._depths[:] = np.inf, 0.0
             self._mirrored[:] = False
+            self._before = None
             self._history.still[:], self._history.settled[:] = False, False
         self._spans_moments[:] = spans_moments
 
@@ -108,32 +109,32 @@ class StillTiles:
         """(rows, columns) bool: tiles that an object that moved may change. moved : (n + 1,), see PoseTracker"""
         movers = np.flatnonzero(moved[1:])
         reached = np.zeros_like(self._history.still)
-        if len(movers) > MOST_MOVERS:
-            reached[:] = True
-        if len(movers) == 0 or reached.any():
-            return reached
         shown, pose = self._poses.shown, self._poses.pose
         assert shown is not None
         assert pose is not None
         moment, eye = self._scene.at(shown.scene_time, shown.edits), np.array(shown.camera.origin())
+        now, before = moment.world_from_object, self._before
+        self._before = now
+        if len(movers) == 0:
+            return reached
+        if len(movers) > MOST_MOVERS or before is None:
+            return ~reached
         rect, (x, y) = self._poses.rect, pose.corner.tolist()
         mark_reached(
-            self._depths, pose.frame, x + rect.x, y + rect.y, self._spheres_of(movers, moment, eye),
+            self._depths, pose.frame, x + rect.x, y + rect.y, self._spheres_of(movers, now, before) - (*eye, 0.0),
             _lights(moment, eye), reached,
         )  # fmt: skip
         return with_neighbours(reached)
 
-    def _spheres_of(self, movers: NDArray[np.intp], moment: Moment, eye: Float64) -> Float64:
-        """(m, 4) about where objects are, were at the last image, and will be; relative to the eye."""
-        spheres, centres = np.empty((len(movers), 4)), {}
+    def _spheres_of(self, movers: NDArray[np.intp], now: Float64, before: Float64) -> Float64:
+        """(m, 4) about where objects are, were at the last image, and will be; both (n, 4, 4) world_from_object."""
+        spheres = np.empty((len(movers), 4))
         for row, k in enumerate(movers.tolist()):
-            matrix = moment.world_from_object[k]
             centre, radius = self._sphere(self._scene.instances[k].mesh)
-            centres[k] = matrix[:3, :3] @ centre + matrix[:3, 3]
-            moved = np.linalg.norm(centres[k] - self._centres.get(k, centres[k]))
-            spheres[row, :3] = centres[k] - eye
-            spheres[row, 3] = MARGIN * radius * np.linalg.norm(matrix[:3, :3], 2) + STEPS_ASIDE * moved
-        self._centres = centres
+            places = [each[:3, :3] @ centre + each[:3, 3] for each in (now[k], before[k])]
+            size = max(np.linalg.norm(each[:3, :3], 2) for each in (now[k], before[k]))
+            spheres[row, :3] = places[0]
+            spheres[row, 3] = MARGIN * radius * size + STEPS_ASIDE * np.linalg.norm(places[0] - places[1])
         return spheres
 
     def _sphere(self, mesh: int) -> tuple[Float64, float]:

@@ -32,9 +32,12 @@ PAST = 2  # instance of the mirror
 
 def court(
     *lights: Light, path: tuple[Triple, ...] = TO_AND_FRO, times: tuple[float, ...] = (0.0, 0.5, 1.0),
-    mirror: float = 0.0, loop: bool = True, light_path: int | None = None, movers: int = 1,
+    mirror: float = 0.0, loop: bool = True, light_path: int | None = None, movers: int = 1, beside: bool = False,
 ) -> Scene:  # fmt: skip
-    """A floor with a post and a ball, which may be a mirror, and a small ball that moves, or several in one place."""
+    """A floor with a post and a ball, which may be a mirror, and a small ball that moves, or several in one place.
+
+    beside : another one moves behind the ball
+    """
     places: tuple[Instance, ...] = (
         replace(instance(0, turn=("x", -90.0)), name="floor"),
         replace(instance(1, at=(0.3, 0.7, -0.4), scale=(0.1, 0.7, 0.1)), name="post"),
@@ -43,6 +46,9 @@ def court(
     mover = instance(1, at=path[0], turn=("z", 20.0), scale=(0.3, 0.15, 0.2))
     places += tuple(replace(mover, name=f"mover {k}") for k in range(movers))
     moving = [keyframes(*path, times=times, loop=loop, object="mover *")]
+    if beside:
+        places += (replace(instance(1, at=(2.4, 0.3, -2.0), scale=0.2), name="other"),)
+        moving.append(keyframes((2.4, 0.3, -2.0), (2.6, 0.3, -2.0), times=(0.0, 9.0), object="other"))
     if light_path is not None:
         moving.append(keyframes(*TO_AND_FRO, times=(0.0, 0.5, 1.0), light=light_path))
     return assemble(
@@ -116,6 +122,19 @@ def test_after_a_pause_what_moves_again_is_in_no_settled_pixel() -> None:
         differs, before = (np.abs(now - before) > 1e-6).any(axis=-1), now
         assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
         assert image.buffer.history.settled.mean() > 0.3
+
+
+def test_the_place_that_an_object_leaves_at_once_after_it_stood_is_reached() -> None:
+    """While another one moves: else nothing would, and all would be at rest."""
+    path: tuple[Triple, ...] = (TO_AND_FRO[0], TO_AND_FRO[0], (1.4, 0.6, 1.9), (1.4, 0.6, 1.9))
+    scene = court(SUN, path=path, times=(0.0, 1.5, 1.51, 9.0), loop=False, beside=True)
+    image, before = image_that_settles(scene), radiance(scene, 0)
+    for k in range(1, 45):
+        show(image, scene, k)
+        now = radiance(scene, k)
+        differs, before = (np.abs(now - before) > 1e-6).any(axis=-1), now
+        assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
+    assert image.buffer.history.settled.mean() > 0.3
 
 
 def test_a_mirror_never_settles_and_what_surrounds_it_does() -> None:
