@@ -26,7 +26,7 @@ hypothesis.settings.load_profile("wall")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Build each built-in scene once, which hundreds of tests load: a fifth of a second each, and read alone.
+    """Build each built-in scene once: hundreds of tests load one, a fifth of a second each, and none writes to it.
 
     Hashes wrap around and misses divide by zero on purpose; uncompiled, NumPy warns of each.
     """

@@ -243,6 +243,7 @@ class DeepBuffer:
         self.history.temporal_gradient[:] = 0.0
         self.history.contradicted[:] = False
         self.history.arrived[:] = 0
+        self.history.still[:], self.history.settled[:] = False, False
 
     def seconds(self, time: float) -> np.float32:
         """A time on the store's clock, which starts anew now and then."""

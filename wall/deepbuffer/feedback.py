@@ -21,5 +21,4 @@ class Feedback(NamedTuple):
     accumulation: Float32  # (h, w, 8), see deepbuffer.kernels.accumulation
     accumulating: NDArray[np.bool_]  # (rows, columns) of 16-pixel tiles: whether any of their pixels accumulates
     temporal_gradient: Float32  # (rows, columns) of 16-pixel tiles: mean change of sqrt_irradiance that samples find
-    settled: NDArray[np.bool_]  # (h, w) pixels in which nothing can change, though something moves
     nothing_moves: bool  # the last refresh showed the same event as the one before

@@ -116,7 +116,6 @@ class PoseTracker:
             and (of_shown_pose if self.nothing_moves else same_camera(event, self._shown)),
             ignores_change=self.nothing_moves or not change_test or not same_edits,  # edits are known without rays
             most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
-            most_settled=np.float32(samples_per_pixel),
             detects_change=detects_change,
             of_shown_pose=of_shown_pose and self._scan is None,
             left=np.float32(self.rect.x),

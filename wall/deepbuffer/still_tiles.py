@@ -1,9 +1,8 @@
-"""Tiles of a moving image in which nothing can change: there samples are taken, and pixels judged, as at rest.
+"""Tiles of a moving image in which nothing can change: there no new sample contradicts the image.
 
 While the camera and the lights stand, a surface looks different only where an object that moves is seen, shades it, or
-is mirrored. Spheres about those objects say where that may be. In all other tiles no sample contradicts the image, and
-pixels are complete once their mean is known well enough. Only for an image that its own sampler shows: another one
-would lose its oldest samples there, and get no new ones.
+is mirrored. Spheres about those objects say where that may be. In all other tiles samples that differ from the image
+are noise: what pixels accumulate grows as in a still view.
 """
 
 from __future__ import annotations
@@ -12,29 +11,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float64
+from wall.core.threads import Threads
 from wall.deepbuffer.deep_buffer import DeepBuffer
 from wall.deepbuffer.kernels.accumulation import limit_counts_in
-from wall.deepbuffer.kernels.still import mark_reached, note_depths, renew, settle
+from wall.deepbuffer.kernels.still import forget_depths, mark_reached, note_depths, settle
 from wall.deepbuffer.rest import OTHER_MOMENTS
 from wall.scene.bounds import local_box
 from wall.scene.build import Scene
 from wall.scene.model import Moment
+from wall.scene.needs import needs
 
-MOST_MOVERS = 64  # at once; of more no sphere is looked at, and no tile is still
+MOST_PAIRS = 16  # of an object that moves and a light: of more none is looked at, and no tile is still
 HOLD_S = 0.5  # after which a tile that nothing reaches any more is still
-STEPS_ASIDE = 2.0  # from one image to the next: samples may be of so much earlier, or later, moments
-RENEW_EVERY = 2  # refreshes
-OLDEST_S = 0.034  # samples of still tiles count as no older, so that others do not drive them out
+STEPS_ASIDE = 2.0  # of an object, from image to image: samples may be of moments so much earlier, or later
+NOTHING_SEEN = np.array([np.inf, 0.0], np.float32)  # range of depths
 MARGIN = 1.01  # of radii: vertices are rounded
 
 
 class StillTiles:
     """Of one image. `update` at each refresh that shows another event than the one before."""
 
-    def __init__(self, scene: Scene, buffer: DeepBuffer) -> None:
+    def __init__(self, scene: Scene, buffer: DeepBuffer, threads: Threads) -> None:
         """Only for scenes that `can_have` them."""
         self._scene, self._buffer, self._poses = scene, buffer, buffer.poses
-        self._history = history = buffer.history
+        self._history, self._threads = buffer.history, threads
+        history = buffer.history
         shape = history.dirty.shape
         self._depths = np.empty((*history.nearest.shape[:2], 2), np.float32)
         self._mirrored = np.zeros(history.nearest.shape[:2], np.bool_)
@@ -44,52 +45,53 @@ class StillTiles:
         self._mirrors = np.zeros(len(self._materials) + 1, np.uint8)
         self._spheres: dict[int, tuple[Float64, float]] = {}  # of meshes: centre in object space, radius
         self._before: Float64 | None = None  # (n, 4, 4) world_from_object of the image before
-        self._renew_in, self._knows = RENEW_EVERY, True
-        self.forget(-HOLD_S, spans_moments=False)
+        self._lights = len(scene.point_lights) + len(scene.spot_lights) + len(scene.directional_lights)
+        self._learned = True  # depths, and which objects are mirrors
+        self._forget(-HOLD_S, spans_moments=False)
         self._compile()
 
     @staticmethod
     def can_have(scene: Scene) -> bool:
-        """Whether light stands, and comes straight from its sources."""
+        """Whether light stands and comes straight from its sources, and no surface lets any through."""
         lights = bool((scene.tracks.bodies >= len(scene.instances)).any())
-        noisy = scene.path_depth is not None
-        return bool(scene.tracks) and not (lights or noisy or scene.series or scene.parameter_tracks)
+        wanted = needs(scene)
+        return bool(scene.tracks) and not (
+            lights or wanted.paths or wanted.occlusion or wanted.alpha or scene.series or scene.parameter_tracks
+        )
 
-    def forget(self, now: float, *, spans_moments: bool) -> None:
+    def _forget(self, now: float, *, spans_moments: bool) -> None:
         """No tile is still at `now`, seconds. `spans_moments`: pixels keep what they accumulated until now."""
-        self._reached_at[:] = now
-        if self._knows:
-            self._knows = False
-            self._depths[:] = np.inf, 0.0
-            self._mirrored[:] = False
-            self._before = None
+        self._reached_at[:], self._spans_moments[:] = now, spans_moments
+        if self._learned:
+            self._learned, self._before = False, None
+            self._depths[:], self._mirrored[:] = NOTHING_SEEN, False
             self._history.still[:], self._history.settled[:] = False, False
-        self._spans_moments[:] = spans_moments
 
     def update(self, now: float) -> None:
         """Find them for the event shown. now : seconds of the buffer's clock"""
-        poses, history, epoch = self._poses, self._history, self._buffer.epoch
-        if poses.camera_moved or poses.doubted is not None or poses.rows is not None:
-            self.forget(epoch + now, spans_moments=not poses.camera_moved)
+        poses, history, seconds = self._poses, self._history, self._buffer.epoch + now
+        movers = np.flatnonzero(poses.moved()[1:])
+        many = len(movers) * max(1, self._lights) > MOST_PAIRS
+        if many or poses.camera_moved or poses.doubted is not None or poses.rows is not None:
+            self._forget(seconds, spans_moments=not poses.camera_moved)
             return
-        if not self._knows:
-            self._knows, materials = True, poses.materials
+        if not self._learned:
+            self._learned, materials = True, poses.materials
             self._mirrors[1:] = [materials[k].mirror > 0.0 for k in self._materials]
         note_depths(history.nearest, self._mirrors, self._depths, self._mirrored)
-        reached = self._reached(poses.moved())
-        self._reached_at[reached] = epoch + now
+        reached = self._reached(movers)
+        self._reached_at[reached] = seconds
         self._spans_moments |= reached
-        still = self._reached_at <= epoch + now - HOLD_S
-        if (fresh := still & ~history.still).any():
-            limit_counts_in(fresh & self._spans_moments, history.accumulation, OTHER_MOMENTS)
-            history.temporal_gradient[fresh], history.dirty[fresh] = 0.0, True
-            self._spans_moments &= ~fresh
+        still = self._reached_at <= seconds - HOLD_S
+        if (left := still & ~history.still & self._spans_moments).any():
+            limit_counts_in(left, history.accumulation, OTHER_MOMENTS)
+            forget_depths(left, self._depths, self._mirrored)  # some were those of what moved
+            note_depths(history.nearest, self._mirrors, self._depths, self._mirrored)
+            history.dirty[left] = True
+            self._spans_moments &= ~left
+        history.temporal_gradient[still] = 0.0
         history.still[:] = still
         settle(still, self._mirrored, history.settled)
-        self._renew_in -= 1
-        if self._renew_in <= 0:
-            self._renew_in = RENEW_EVERY
-            renew(self._buffer.store, self._buffer.count, still, np.float32(now - OLDEST_S))
 
     @property
     def bytes(self) -> int:
@@ -101,13 +103,12 @@ class StillTiles:
         history, tiles = self._history, np.zeros_like(self._history.still)
         limit_counts_in(tiles, history.accumulation, OTHER_MOMENTS)
         note_depths(history.nearest, self._mirrors, self._depths, self._mirrored)
-        mark_reached(self._depths, np.eye(3), 0.0, 0.0, np.empty((0, 4)), np.empty((0, 4)), tiles)
+        mark_reached(self._depths, np.eye(3), 0.0, 0.0, np.empty((0, 4)), np.empty((0, 4)), 0, 0, tiles)
         settle(tiles, self._mirrored, history.settled)
-        renew(self._buffer.store, 0, tiles, np.float32(0.0))
+        forget_depths(tiles, self._depths, self._mirrored)
 
-    def _reached(self, moved: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """(rows, columns) bool: tiles that an object that moved may change. moved : (n + 1,), see PoseTracker"""
-        movers = np.flatnonzero(moved[1:])
+    def _reached(self, movers: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """(rows, columns) bool: tiles that one of these instances (m,) may change, which have moved."""
         reached = np.zeros_like(self._history.still)
         shown, pose = self._poses.shown, self._poses.pose
         assert shown is not None
@@ -115,15 +116,16 @@ class StillTiles:
         moment, eye = self._scene.at(shown.scene_time, shown.edits), np.array(shown.camera.origin())
         now, before = moment.world_from_object, self._before
         self._before = now
-        if len(movers) == 0:
-            return reached
-        if len(movers) > MOST_MOVERS or before is None:
+        if before is None:
             return ~reached
         rect, (x, y) = self._poses.rect, pose.corner.tolist()
-        mark_reached(
-            self._depths, pose.frame, x + rect.x, y + rect.y, self._spheres_of(movers, now, before) - (*eye, 0.0),
-            _lights(moment, eye), reached,
-        )  # fmt: skip
+        spheres, lights = self._spheres_of(movers, now, before) - (*eye, 0.0), _lights(moment, eye)
+        self._threads.share(
+            len(reached),
+            lambda first, last: mark_reached(
+                self._depths, pose.frame, x + rect.x, y + rect.y, spheres, lights, first, last, reached
+            ),
+        )
         return with_neighbours(reached)
 
     def _spheres_of(self, movers: NDArray[np.intp], now: Float64, before: Float64) -> Float64:

@@ -72,7 +72,7 @@ class PixelHistory(NamedTuple):
     temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt_irradiance| that samples find in a tile
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles with a pixel that a sample contradicted
     still: NDArray[np.bool_]  # (rows, columns) tiles that nothing that moves can reach, see StillTiles
-    settled: NDArray[np.bool_]  # (h, w) pixels of these that show no mirror: nothing can change in them
+    settled: NDArray[np.bool_]  # (h, w) pixels of these that show no mirror: no sample contradicts them
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
     accumulating: NDArray[np.bool_]  # (rows, columns) tiles that may have an accumulation
     held: NDArray[np.uint32]  # (rows, columns) objects whose samples a tile's accumulation may hold, see object_bit

@@ -95,7 +95,8 @@ class Reconstruction:
             self.poses, len(scene.instances), detects_change=detects_change, change_test=ingredients.change_test,
             samples_per_pixel=samples_per_pixel, noisy=noisy, threads=self._threads,
         )  # fmt: skip
-        self._still = StillTiles(scene, self.buffer) if settles and StillTiles.can_have(scene) else None
+        still = settles and StillTiles.can_have(scene)
+        self._still = StillTiles(scene, self.buffer, self._threads) if still else None
         width, height = self.rect.width, self.rect.height
         moves = np.zeros(len(scene.instances) + 1, np.uint8)
         moves[scene.animated_objects + 1] = 1
@@ -178,7 +179,6 @@ class Reconstruction:
             accumulation=self.buffer.history.accumulation,
             accumulating=self.buffer.history.accumulating,
             temporal_gradient=self.buffer.history.temporal_gradient,
-            settled=self.buffer.history.settled,
             nothing_moves=self.nothing_moves,
         )
 

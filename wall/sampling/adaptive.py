@@ -73,7 +73,6 @@ class AdaptiveSampler:
                 feedback.resolved, feedback.sample_density, accumulation, feedback.accumulating.any(axis=1),
                 self._floor, self._tone, scores,
             )  # fmt: skip
-            kernels_scores.score_settled(feedback.settled, accumulation, FLOOR_STILL, ENOUGH, self._tone, scores)
         change = 0.0 if feedback.nothing_moves else float(feedback.temporal_gradient.mean())
         self.division.balance(scores.contrast, change)
 
@@ -125,7 +124,7 @@ class AdaptiveSampler:
         if not self._uniform:
             kernels_scores.learn(
                 samples, self._rect.x, self._rect.y, self._feedback.accumulation, self._feedback.nothing_moves,
-                self._feedback.settled, self._floor, ENOUGH, self._tone, self._scores,
+                self._floor, ENOUGH, self._tone, self._scores,
             )  # fmt: skip
 
 

@@ -11,11 +11,10 @@ from small_scenes import BLACK_SKY, Triple, instance, keyframes, material, quad,
 
 from wall.core.data import Event
 from wall.deepbuffer.kernels.columns import COUNT
-from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.still_tiles import HOLD_S, MOST_MOVERS, StillTiles
+from wall.deepbuffer.still_tiles import HOLD_S, MOST_PAIRS, StillTiles
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.build import Scene, assemble
-from wall.scene.model import DirectionalLight, Instance, Light, PointLight, Source, SpotLight
+from wall.scene.model import AlphaMode, DirectionalLight, Instance, Light, PointLight, Source, SpotLight
 
 SIZE = (160, 96)
 ABOVE = view((0.0, 3.0, 6.0), (0.0, 0.4, 0.0), pixels=SIZE)
@@ -32,12 +31,14 @@ PAST = 2  # instance of the mirror
 
 def court(
     *lights: Light, path: tuple[Triple, ...] = TO_AND_FRO, times: tuple[float, ...] = (0.0, 0.5, 1.0),
-    mirror: float = 0.0, loop: bool = True, light_path: int | None = None, movers: int = 1, beside: bool = False,
+    mirror: float = 0.0, loop: bool = True, light_path: int | None = None, movers: int = 1,
+    beside: tuple[Triple, ...] = (), mode: AlphaMode = "opaque",
 ) -> Scene:  # fmt: skip
     """A floor with a post and a ball, which may be a mirror, and a small ball that moves, or several in one place.
 
-    beside : another one moves behind the ball
+    beside : where another one moves in nine seconds
     """
+    ball = replace(material(0.2, 0.3, 0.7, mirror=mirror), alpha_mode=mode)
     places: tuple[Instance, ...] = (
         replace(instance(0, turn=("x", -90.0)), name="floor"),
         replace(instance(1, at=(0.3, 0.7, -0.4), scale=(0.1, 0.7, 0.1)), name="post"),
@@ -47,14 +48,18 @@ def court(
     places += tuple(replace(mover, name=f"mover {k}") for k in range(movers))
     moving = [keyframes(*path, times=times, loop=loop, object="mover *")]
     if beside:
-        places += (replace(instance(1, at=(2.4, 0.3, -2.0), scale=0.2), name="other"),)
-        moving.append(keyframes((2.4, 0.3, -2.0), (2.6, 0.3, -2.0), times=(0.0, 9.0), object="other"))
+        places += (replace(instance(1, at=beside[0], scale=0.2), name="other"),)
+        moving.append(keyframes(*beside, times=np.linspace(0.0, 9.0, len(beside)).tolist(), object="other"))
     if light_path is not None:
         moving.append(keyframes(*TO_AND_FRO, times=(0.0, 0.5, 1.0), light=light_path))
     return assemble(
         Source(
             meshes=(quad(8.0, 8.0), sphere_mesh(1), sphere_mesh(2)),
-            materials=(material(0.6, 0.6, 0.6), material(0.7, 0.3, 0.2), material(0.2, 0.3, 0.7, mirror=mirror)),
+            materials=(
+                material(0.6, 0.6, 0.6),
+                material(0.7, 0.3, 0.2),
+                ball,
+            ),
             instances=places,
             lights=lights,
             sky=BLACK_SKY,
@@ -127,7 +132,7 @@ def test_after_a_pause_what_moves_again_is_in_no_settled_pixel() -> None:
 def test_the_place_that_an_object_leaves_at_once_after_it_stood_is_reached() -> None:
     """While another one moves: else nothing would, and all would be at rest."""
     path: tuple[Triple, ...] = (TO_AND_FRO[0], TO_AND_FRO[0], (1.4, 0.6, 1.9), (1.4, 0.6, 1.9))
-    scene = court(SUN, path=path, times=(0.0, 1.5, 1.51, 9.0), loop=False, beside=True)
+    scene = court(SUN, path=path, times=(0.0, 1.5, 1.51, 9.0), loop=False, beside=((2.4, 0.3, -2.0), (2.6, 0.3, -2.0)))
     image, before = image_that_settles(scene), radiance(scene, 0)
     for k in range(1, 45):
         show(image, scene, k)
@@ -135,6 +140,61 @@ def test_the_place_that_an_object_leaves_at_once_after_it_stood_is_reached() -> 
         differs, before = (np.abs(now - before) > 1e-6).any(axis=-1), now
         assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
     assert image.buffer.history.settled.mean() > 0.3
+
+
+def test_what_came_to_rest_between_depths_seen_before_is_shaded_by_what_moves_later() -> None:
+    """A board comes near and goes back to where it rests before a wall; what the view does not show then shades it."""
+    aside, near, rest, above = (14.0, 0.0, 3.0), (0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 3.0
+    swing: tuple[Triple, ...] = ((-3.0, above, 1.2), (3.0, above, 1.2), (-3.0, above, 1.2))
+    scene = assemble(
+        Source(
+            meshes=(quad(40.0, 40.0), quad(5.0, 4.0), sphere_mesh()),
+            materials=(material(0.6, 0.6, 0.6),),
+            instances=(
+                replace(instance(0, at=(0.0, 0.0, -6.0)), name="wall"),
+                replace(instance(1, at=aside), name="board"),
+                replace(instance(2, at=swing[0], scale=0.3), name="ball"),
+            ),
+            lights=(PointLight(position=(0.0, 5.0, 2.0), intensity=(40.0, 40.0, 40.0)),),
+            sky=BLACK_SKY,
+            animation=(
+                keyframes(aside, near, rest, times=(0.3, 0.5, 1.0), loop=False, object="board"),
+                keyframes(*swing, times=(2.0, 4.0, 6.0), loop=False, object="ball"),
+            ),
+        )
+    )
+    seen = view((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), pixels=SIZE)
+    image, before, shaded = Reconstruction(seen.panel, seen.eye, scene, detects_change=True, settles=True), None, 0
+    for k in range(1, 90):
+        event = replace(event_at(k, seen, scene_time=k * STEP_S), input_time=START + k * STEP_S)
+        samples = traced(scene, event, seen=seen)
+        image.insert(samples, event.input_time, event)
+        image.refresh(event, event.input_time)
+        x, y = samples["xy"].astype(int).T
+        now = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
+        now[y, x] = samples["radiance"]
+        if before is not None:
+            differs = (np.abs(now - before) > 1e-6).any(axis=-1)
+            assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
+            shaded += int(differs.sum()) if k > 40 else 0
+        before = now
+    assert shaded > 500
+
+
+def test_a_scene_with_surfaces_that_let_light_through_has_none() -> None:
+    assert StillTiles.can_have(court(SUN))
+    assert not StillTiles.can_have(court(SUN, mode="blend"))
+
+
+@pytest.mark.parametrize("size", [(149, 91), (13, 9), (160, 97)])
+def test_images_of_any_size_settle(size: tuple[int, int]) -> None:
+    seen, scene = view((0.0, 3.0, 6.0), (0.0, 0.4, 0.0), pixels=size), court(SUN)
+    image = Reconstruction(seen.panel, seen.eye, scene, detects_change=True, settles=True)
+    for k in range(1, 20):
+        event = replace(event_at(k, seen, scene_time=k * STEP_S), input_time=START + k * STEP_S)
+        image.insert(traced(scene, event, seen=seen), event.input_time, event)
+        image.refresh(event, event.input_time)
+    assert image.buffer.history.settled.any() == (size != (13, 9)), "one tile is all of the smallest"
 
 
 def test_a_mirror_never_settles_and_what_surrounds_it_does() -> None:
@@ -150,7 +210,7 @@ def test_a_mirror_never_settles_and_what_surrounds_it_does() -> None:
     assert ball.sum() > 200
     assert not settled[0][ball].any()
     assert settled[1][ball].all()
-    assert np.array_equal(settled[0][~ball], settled[1][~ball]) or (settled[0] ^ settled[1])[~ball].mean() < 0.01
+    assert (settled[0] ^ settled[1])[~ball].mean() < 0.01
 
 
 def test_what_a_mover_left_behind_is_forgotten_though_few_samples_come() -> None:
@@ -169,40 +229,34 @@ def test_what_a_mover_left_behind_is_forgotten_though_few_samples_come() -> None
     assert error[settled & (image.accumulated_counts() >= 4)].max() < 0.01
 
 
-def test_samples_of_still_tiles_are_not_driven_out_by_those_that_come_elsewhere() -> None:
-    scene = court(SUN)
-    image = image_that_settles(scene)
-    for k in range(1, 15):
-        show(image, scene, k, share=0.3)
-    settled = image.buffer.history.settled.copy()
-    xy = centres(SIZE)[~settled.reshape(-1)]
-    for k in range(15, 80):
-        event = moment(k)
-        image.insert(traced(scene, event, xy, ABOVE), event.input_time, event)
-        image.refresh(event, event.input_time)
-    assert 65 * len(xy) > 5 * 4 * SIZE[0] * SIZE[1], "five times what is kept in all"
-    assert (image.find_nearest().object_id[settled & image.buffer.history.settled] >= 0).mean() > 0.9
-
-
-def test_settled_pixels_take_no_more_samples_than_a_still_view_and_show_their_mean() -> None:
+def test_settled_pixels_show_the_mean_of_all_that_came() -> None:
     scene = court(SUN)
     image = image_that_settles(scene)
     for k in range(1, 60):
         show(image, scene, k)
-    history, expected = image.buffer.history, radiance(scene, 59)
+    history = image.buffer.history
     inside = history.settled & (history.accumulation[..., COUNT] > 30)
     assert inside.mean() > 0.5
-    assert np.abs(image.radiance - expected)[inside].max() < 1e-5, "samples of pixels' middles say all the same"
-    assert image.count < 59 * SIZE[0] * SIZE[1] / 4
-    before = image.count
-    show(image, scene, 60)
-    stored = image.count - before
-    assert stored < (~history.settled).sum() + 64, "others are accumulated alone"
+    assert np.abs(image.radiance - radiance(scene, 59))[inside].max() < 1e-5, "pixels' middles say all the same"
+
+
+def test_samples_that_differ_from_a_settled_pixel_are_noise_and_elsewhere_contradict_it() -> None:
+    scene = court(SUN)
+    image = image_that_settles(scene)
+    for k in range(1, 30):
+        show(image, scene, k)
+    settled, event = image.buffer.history.settled.copy(), moment(29)
+    samples = traced(scene, event, seen=ABOVE)
+    samples["sqrt_irradiance"] += 0.5
+    image.insert(samples, event.input_time, event)
+    x, y = samples["xy"].astype(int).T
+    assert not samples["change"][settled[y, x]].any()
+    assert (samples["change"][~settled[y, x]] > 0.0).mean() > 0.5
 
 
 @pytest.mark.parametrize("why", ["camera", "light moves", "too many"])
 def test_where_all_may_change_nothing_settles(why: str) -> None:
-    scene = court(SUN, movers=MOST_MOVERS + 1 if why == "too many" else 1)
+    scene = court(SUN, movers=MOST_PAIRS + 1 if why == "too many" else 1)
     if why == "light moves":
         scene = court(SUN, LAMP, light_path=1)
     assert StillTiles.can_have(scene) == (why != "light moves")
@@ -226,5 +280,3 @@ def test_when_the_camera_moves_all_that_was_known_is_forgotten_and_found_anew() 
     for k in range(21, 40):
         show(image, scene, k, position=(0.2, 3.0, 6.0))
     assert history.settled.mean() > 0.5
-    assert history.settled.shape == (SIZE[1], SIZE[0])
-    assert history.still.shape == (SIZE[1] // TILE, SIZE[0] // TILE)

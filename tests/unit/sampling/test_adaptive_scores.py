@@ -31,7 +31,6 @@ def unknown(rect: Rect = RECT, *, nothing_moves: bool = False) -> Feedback:
         accumulation=np.zeros((height, width, ACCUMULATION_COLUMNS), np.float32),
         accumulating=np.ones((-(-height // 16), -(-width // 16)), np.bool_),
         temporal_gradient=np.zeros((-(-height // 16), -(-width // 16)), np.float32),
-        settled=np.zeros((height, width), np.bool_),
         nothing_moves=nothing_moves,
     )
 

@@ -42,8 +42,7 @@ class InsertRules(NamedTuple):
 
     shows_event: bool  # the samples belong to the image as it is shown: their pixels accumulate them
     ignores_change: bool  # nothing moves: changes are noise
-    most_stored: np.float32  # a pixel that has accumulated so many samples stores no more,
-    most_settled: np.float32  # nor with so many one in which nothing can change
+    most_stored: np.float32  # a pixel that has accumulated so many samples stores no more
     detects_change: bool  # else the samples bring `change` along
     of_shown_pose: bool  # the samples are of the very moment shown: each belongs to the pixel that it was traced for
     left: np.float32  # panel pixels, of the image
@@ -88,17 +87,15 @@ def insert(samples, offset, pose, panel_from_object, image_rows, store, count, h
             shown = depth > ZERO
             i, j = (int(rows[SCREEN_Y, r]), int(rows[SCREEN_X, r])) if shown else (0, 0)
             time = offset + sample["time"]
-            settled = shown and history.settled[i, j]
-            most = rules.most_settled if settled else rules.most_stored
             # a pixel with a long accumulation gains from its mean; its samples would drive out plain surfaces' few
-            if not (shown and rules.shows_event and accumulation[i, j, COUNT] >= most):
+            if not (shown and rules.shows_event and accumulation[i, j, COUNT] >= rules.most_stored):
                 store_sample(sample, time, rows, r, pose.lights, diffuse, store, count)
                 count += 1
             if not shown:
                 continue
             history.dirty[i // TILE, j // TILE] = True
             history.arrived[i // TILE, j // TILE] += 1
-            if not (rules.ignores_change or settled):
+            if not (rules.ignores_change or history.settled[i, j]):
                 change = sample["change"]
                 if compares:
                     own, known = sample["sqrt_irradiance"], rows[SHOWN_IRRADIANCE, r]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.columns import DEPTH, NEAREST_DEPTH, NEAREST_OBJECT, X, Y
+from wall.deepbuffer.kernels.columns import NEAREST_DEPTH, NEAREST_OBJECT
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 ZERO = np.float32(0.0)
@@ -40,7 +40,16 @@ def note_depths(nearest, mirrors, depths, mirrored):
 
 
 @kernel
-def mark_reached(depths, frame, left, top, movers, lights, reached):
+def forget_depths(tiles, depths, mirrored):
+    """Forget what was noted in some tiles (rows, columns) bool; the others: see note_depths."""
+    for i in range(depths.shape[0]):
+        for j in range(depths.shape[1]):
+            if tiles[i // TILE, j // TILE]:
+                depths[i, j, NEAR], depths[i, j, FAR], mirrored[i, j] = np.float32(np.inf), ZERO, False
+
+
+@kernel
+def mark_reached(depths, frame, left, top, movers, lights, first, last, reached):
     """Set the tiles in which a mover may be seen, or on whose surfaces its shadow may fall.
 
     Parameters
@@ -49,10 +58,11 @@ def mark_reached(depths, frame, left, top, movers, lights, reached):
     frame : (3, 3) float64, see geometry.frusta.ray_frame; left, top : float64, virtual-screen pixels of the image
     movers : (m, 4) float64, spheres about objects, relative to the eye
     lights : (l, 4) float64, places relative to the eye, or directions towards them
-    reached : (rows, columns) bool, updated
+    first, last : int, rows of tiles
+    reached : (rows, columns) bool, updated from row `first` to the one before `last`
     """
     centre, middle, point = np.empty(3), np.empty(3), np.empty(3)
-    for row in range(reached.shape[0]):
+    for row in range(first, last):
         for column in range(reached.shape[1]):
             if reached[row, column]:
                 continue
@@ -180,16 +190,3 @@ def settle(still, mirrored, settled):
     for i in range(settled.shape[0]):
         for j in range(settled.shape[1]):
             settled[i, j] = still[i // TILE, j // TILE] & ~mirrored[i, j]
-
-
-@kernel
-def renew(store, count, still, oldest):
-    """Let no sample in still tiles be older than `oldest`, in the store's seconds.
-
-    store : SampleStore, `time` updated; count : int, samples stored; still : (rows, columns) bool
-    """
-    screen = store.screen_position
-    for k in range(count):
-        i, j, inside = int(screen[Y, k]), int(screen[X, k]), screen[DEPTH, k] > ZERO
-        if inside and store.time[k] < oldest and still[i // TILE, j // TILE]:
-            store.time[k] = oldest

@@ -151,17 +151,6 @@ def score_still(resolved, accumulation, floor, enough, tone, scores):
             score[j] = still_gain(pixels[j], contrast[j], density[j], floor, enough, tone)
 
 
-@kernel
-def score_settled(settled, accumulation, floor, enough, tone, scores):
-    """Score the pixels of `settled` (h, w) bool as `score_still` does, whatever moves elsewhere; see there."""
-    for i in range(settled.shape[0]):
-        for j in range(settled.shape[1]):
-            if settled[i, j]:
-                pixel = accumulation[i, j]
-                scores.density[i, j] = pixel[COUNT]
-                scores.score[i, j] = still_gain(pixel, scores.contrast[i, j], pixel[COUNT], floor, enough, tone)
-
-
 @inline_kernel
 def still_gain(pixel, contrast, n, floor, enough, tone):
     """Expected error reduction of one more sample: variance of n samples and one pseudo-sample of the contrast.
@@ -185,13 +174,13 @@ def still_gain(pixel, contrast, n, floor, enough, tone):
 
 
 @kernel
-def learn(samples, x0, y0, accumulation, nothing_moves, settled, floor, enough, tone, scores):
+def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, tone, scores):
     """Update the scores of pixels that received samples, and raise them around samples that contradict the image.
 
     Parameters
     ----------
     samples : (n,) SAMPLE; x0, y0 : int, panel pixel of score[0, 0]
-    nothing_moves : bool, scores are those of score_still, else of score_moving, but for `settled` (h, w) bool
+    nothing_moves : bool, scores are those of score_still, else of score_moving
     accumulation, floor, enough, tone : see score_still
     scores : Scores, density and score are updated
     """
@@ -202,7 +191,7 @@ def learn(samples, x0, y0, accumulation, nothing_moves, settled, floor, enough, 
         if not (0 <= i < height and 0 <= j < width):
             continue
         density[i, j] += ONE
-        if nothing_moves or settled[i, j]:
+        if nothing_moves:
             new = still_gain(accumulation[i, j], contrast[i, j], density[i, j], floor, enough, tone)
         else:
             new = moving_gain(contrast[i, j], density[i, j]) + floor
