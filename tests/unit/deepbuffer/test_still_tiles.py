@@ -94,7 +94,7 @@ def radiance(scene: Scene, k: int) -> np.ndarray:
 
 @pytest.mark.parametrize("lights", [(SUN,), (LAMP,), (SPOT,), (SUN, LAMP)], ids=["sun", "lamp", "spot", "both"])
 @pytest.mark.parametrize("mirror", [0.0, 0.6])
-def test_no_pixel_that_changes_is_settled(lights: tuple[Light, ...], mirror: float) -> None:
+def test_no_pixel_that_changes_is_settled(lights: tuple[Light, ...], mirror: float, compiled_only: None) -> None:
     scene = court(*lights, mirror=mirror)
     image, before, changed = image_that_settles(scene), radiance(scene, 0), 0
     shares = []
@@ -110,7 +110,7 @@ def test_no_pixel_that_changes_is_settled(lights: tuple[Light, ...], mirror: flo
     assert 0.3 < shares[-1] < 0.97, "and the rest is"
 
 
-def test_after_a_pause_what_moves_again_is_in_no_settled_pixel() -> None:
+def test_after_a_pause_what_moves_again_is_in_no_settled_pixel(compiled_only: None) -> None:
     scene = court(SUN)
     image = image_that_settles(scene)
     for k in range(1, 25):
@@ -129,7 +129,7 @@ def test_after_a_pause_what_moves_again_is_in_no_settled_pixel() -> None:
         assert image.buffer.history.settled.mean() > 0.3
 
 
-def test_the_place_that_an_object_leaves_at_once_after_it_stood_is_reached() -> None:
+def test_the_place_that_an_object_leaves_at_once_after_it_stood_is_reached(compiled_only: None) -> None:
     """While another one moves: else nothing would, and all would be at rest."""
     path: tuple[Triple, ...] = (TO_AND_FRO[0], TO_AND_FRO[0], (1.4, 0.6, 1.9), (1.4, 0.6, 1.9))
     scene = court(SUN, path=path, times=(0.0, 1.5, 1.51, 9.0), loop=False, beside=((2.4, 0.3, -2.0), (2.6, 0.3, -2.0)))
@@ -142,7 +142,7 @@ def test_the_place_that_an_object_leaves_at_once_after_it_stood_is_reached() -> 
     assert image.buffer.history.settled.mean() > 0.3
 
 
-def test_what_came_to_rest_between_depths_seen_before_is_shaded_by_what_moves_later() -> None:
+def test_what_came_to_rest_between_depths_seen_before_is_shaded_by_what_moves_later(compiled_only: None) -> None:
     """A board comes near and goes back to where it rests before a wall; what the view does not show then shades it."""
     aside, near, rest, above = (14.0, 0.0, 3.0), (0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 3.0
     swing: tuple[Triple, ...] = ((-3.0, above, 1.2), (3.0, above, 1.2), (-3.0, above, 1.2))
@@ -181,13 +181,27 @@ def test_what_came_to_rest_between_depths_seen_before_is_shaded_by_what_moves_la
     assert shaded > 500
 
 
+def test_a_mover_reaches_where_it_is_seen_and_shades_and_the_rest_settles() -> None:
+    """Of few pixels, also in plain Python; the mirror is one of them."""
+    seen, scene = view((0.0, 3.0, 6.0), (0.0, 0.4, 0.0), pixels=(64, 36)), court(SUN, LAMP, mirror=0.5)
+    image = Reconstruction(seen.panel, seen.eye, scene, detects_change=True, settles=True)
+    for k in range(1, 15):
+        event = replace(event_at(k, seen, scene_time=k * STEP_S), input_time=START + k * STEP_S)
+        samples = traced(scene, event, seen=seen)
+        image.insert(samples, event.input_time, event)
+        image.refresh(event, event.input_time)
+        nearest = image.find_nearest().object_id
+        assert not image.buffer.history.settled[(nearest == PAST + 1) | (nearest == PAST + 2)].any()
+    assert 0.05 < image.buffer.history.settled.mean() < 0.9
+
+
 def test_a_scene_with_surfaces_that_let_light_through_has_none() -> None:
     assert StillTiles.can_have(court(SUN))
     assert not StillTiles.can_have(court(SUN, mode="blend"))
 
 
 @pytest.mark.parametrize("size", [(149, 91), (13, 9), (160, 97)])
-def test_images_of_any_size_settle(size: tuple[int, int]) -> None:
+def test_images_of_any_size_settle(size: tuple[int, int], compiled_only: None) -> None:
     seen, scene = view((0.0, 3.0, 6.0), (0.0, 0.4, 0.0), pixels=size), court(SUN)
     image = Reconstruction(seen.panel, seen.eye, scene, detects_change=True, settles=True)
     for k in range(1, 20):
@@ -197,7 +211,7 @@ def test_images_of_any_size_settle(size: tuple[int, int]) -> None:
     assert image.buffer.history.settled.any() == (size != (13, 9)), "one tile is all of the smallest"
 
 
-def test_a_mirror_never_settles_and_what_surrounds_it_does() -> None:
+def test_a_mirror_never_settles_and_what_surrounds_it_does(compiled_only: None) -> None:
     scene, plain = court(SUN, mirror=0.6), court(SUN)
     settled = []
     for each in (scene, plain):
@@ -213,7 +227,7 @@ def test_a_mirror_never_settles_and_what_surrounds_it_does() -> None:
     assert (settled[0] ^ settled[1])[~ball].mean() < 0.01
 
 
-def test_what_a_mover_left_behind_is_forgotten_though_few_samples_come() -> None:
+def test_what_a_mover_left_behind_is_forgotten_though_few_samples_come(compiled_only: None) -> None:
     far_away: tuple[Triple, ...] = (
         (-1.6, 0.5, 0.3), (-1.1, 0.8, 0.6), (1.2, 0.6, 1.6), (1.4, 0.6, 1.6), (1.2, 0.6, 1.6), (1.4, 0.6, 1.6),
     )  # fmt: skip
@@ -229,7 +243,7 @@ def test_what_a_mover_left_behind_is_forgotten_though_few_samples_come() -> None
     assert error[settled & (image.accumulated_counts() >= 4)].max() < 0.01
 
 
-def test_settled_pixels_show_the_mean_of_all_that_came() -> None:
+def test_settled_pixels_show_the_mean_of_all_that_came(compiled_only: None) -> None:
     scene = court(SUN)
     image = image_that_settles(scene)
     for k in range(1, 60):
@@ -240,7 +254,7 @@ def test_settled_pixels_show_the_mean_of_all_that_came() -> None:
     assert np.abs(image.radiance - radiance(scene, 59))[inside].max() < 1e-5, "pixels' middles say all the same"
 
 
-def test_samples_that_differ_from_a_settled_pixel_are_noise_and_elsewhere_contradict_it() -> None:
+def test_samples_that_differ_from_a_settled_pixel_are_noise_and_elsewhere_contradict_it(compiled_only: None) -> None:
     scene = court(SUN)
     image = image_that_settles(scene)
     for k in range(1, 30):
@@ -255,7 +269,7 @@ def test_samples_that_differ_from_a_settled_pixel_are_noise_and_elsewhere_contra
 
 
 @pytest.mark.parametrize("why", ["camera", "light moves", "too many"])
-def test_where_all_may_change_nothing_settles(why: str) -> None:
+def test_where_all_may_change_nothing_settles(why: str, compiled_only: None) -> None:
     scene = court(SUN, movers=MOST_PAIRS + 1 if why == "too many" else 1)
     if why == "light moves":
         scene = court(SUN, LAMP, light_path=1)
@@ -267,7 +281,7 @@ def test_where_all_may_change_nothing_settles(why: str) -> None:
     assert not image.buffer.history.settled.any()
 
 
-def test_when_the_camera_moves_all_that_was_known_is_forgotten_and_found_anew() -> None:
+def test_when_the_camera_moves_all_that_was_known_is_forgotten_and_found_anew(compiled_only: None) -> None:
     scene = court(SUN)
     image = image_that_settles(scene)
     for k in range(1, 20):
