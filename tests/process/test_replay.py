@@ -143,9 +143,14 @@ def test_a_run_makes_its_film_and_its_events_stay_until_then(
 
 
 def test_one_batch_is_shown_and_written(recording: Path, tmp_path: Path) -> None:
-    """One without samples, as busy machines make them, gives way to the one before; the first has all."""
+    """One without samples, or that a busy machine did not come to, gives way to the one before; the first has all."""
     for number in range(5, -1, -1):
-        lines = [str(line) for line in replay_one(recording, 3, number, tmp_path / "batch.npy", silent)]
+        try:
+            lines = [str(line) for line in replay_one(recording, 3, number, tmp_path / "batch.npy", silent)]
+        except RunError as error:
+            if f"wanted {number}" in str(error) and number > 0:
+                continue
+            raise
         assert lines[0].startswith(f"rank 3, batch {number}, worker ")
         if not lines[1].startswith("no sample is shown: "):
             break
