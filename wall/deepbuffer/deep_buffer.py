@@ -268,7 +268,7 @@ class DeepBuffer:
         self.count = kernels_sort.compact(store, 0, ALL_TIMES)
         kernels_sort.copy_newer(store, 0, ALL_TIMES, store)
         kernels_accumulation.mark_changed(store, 0, none, history.dirty, history.accumulation)
-        kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
+        kernels_accumulation.limit_counts(history.dirty, history.accumulation, OTHER_MOMENTS)
         kernels_change.reject_contradicted(store, 0, history)
         self.give_back(self.part(history.dirty)[1])
         count_by_cell(store, 0, 1, np.zeros((objects + 1, 12), np.float32), now, now, np.zeros(CELLS, np.int32))

@@ -16,7 +16,6 @@ from wall.geometry.moving import MovingEvent, later
 from wall.geometry.panels import Panel
 from wall.geometry.scan import ImageScan
 from wall.scene.build import Scene
-from wall.scene.model import Material
 
 
 class PoseTracker:
@@ -50,9 +49,9 @@ class PoseTracker:
         return self._shown
 
     @property
-    def materials(self) -> tuple[Material, ...]:
-        """Of the scene, as the image shows it."""
-        return self._shading.materials
+    def mirrors(self) -> NDArray[np.bool_]:
+        """(n + 1,) bool: objects that the image shows as mirrors."""
+        return self._shading_changes.mirrors(self._shading.materials)
 
     def show(self, event: Event) -> None:
         """Show `event` from now on; nothing moves if the event before has the same number."""

@@ -60,7 +60,8 @@ def come_to_rest(poses: PoseTracker, history: PixelHistory) -> None:
         limit_means(history)
 
 
-def limit_means(history: PixelHistory) -> None:
-    """Let what pixels accumulated weigh too little for any of them to be complete."""
-    limit_counts(history.accumulation, OTHER_MOMENTS)
-    history.dirty[:] = True
+def limit_means(history: PixelHistory, tiles: NDArray[np.bool_] | None = None) -> None:
+    """Let what pixels accumulated weigh too little for any of them to be complete; `tiles`: (rows, columns), or all."""
+    chosen = np.ones_like(history.dirty) if tiles is None else tiles
+    limit_counts(chosen, history.accumulation, OTHER_MOMENTS)
+    history.dirty[chosen] = True

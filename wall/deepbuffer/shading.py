@@ -6,11 +6,13 @@ every sample depends on everything, the lens too: another one shows other surfac
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from wall.scene.build import Scene
-from wall.scene.model import Cut, Shading
+from wall.scene.model import Cut, Material, Shading
 
 
 class ShadingChanges:
@@ -19,8 +21,12 @@ class ShadingChanges:
     def __init__(self, scene: Scene) -> None:
         materials = [scene.meshes[instance.mesh].material for instance in scene.instances]
         self._material = np.array([-1, *materials], np.int64)  # (n + 1,)
-        self._mirrors = np.array([False, *(scene.materials[k].mirror > 0.0 for k in materials)])
+        self._mirrors = self.mirrors(scene.materials)
         self._paths, self._lit = scene.path_depth is not None, scene.occlusion is None
+
+    def mirrors(self, materials: Sequence[Material]) -> NDArray[np.bool_]:
+        """(n + 1,) bool: objects that are mirrors under these materials of the scene."""
+        return np.array([False, *(materials[k].mirror > 0.0 for k in self._material[1:].tolist())])
 
     def between(self, now: Shading, was: Shading, relit: NDArray[np.bool_]) -> NDArray[np.uint8] | None:
         """(n + 1,) uint8: objects whose samples are doubtful under `now` if they were traced under `was`.

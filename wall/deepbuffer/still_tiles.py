@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from wall.core.data import Float64
 from wall.core.threads import Threads
 from wall.deepbuffer.deep_buffer import DeepBuffer
-from wall.deepbuffer.kernels.accumulation import limit_counts_in
 from wall.deepbuffer.kernels.still import forget_depths, mark_reached, note_depths, settle
-from wall.deepbuffer.rest import OTHER_MOMENTS
+from wall.deepbuffer.rest import limit_means
 from wall.scene.bounds import local_box
 from wall.scene.build import Scene
 from wall.scene.model import Moment
@@ -41,8 +40,7 @@ class StillTiles:
         self._mirrored = np.zeros(history.nearest.shape[:2], np.bool_)
         self._reached_at = np.zeros(shape)
         self._spans_moments = np.zeros(shape, np.bool_)  # reached since pixels began to accumulate
-        self._materials = [scene.meshes[each.mesh].material for each in scene.instances]
-        self._mirrors = np.zeros(len(self._materials) + 1, np.uint8)
+        self._mirrors = buffer.poses.mirrors
         self._spheres: dict[int, tuple[Float64, float]] = {}  # of meshes: centre in object space, radius
         self._before: Float64 | None = None  # (n, 4, 4) world_from_object of the image before
         self._lights = len(scene.point_lights) + len(scene.spot_lights) + len(scene.directional_lights)
@@ -67,27 +65,25 @@ class StillTiles:
             self._depths[:], self._mirrored[:] = NOTHING_SEEN, False
             self._history.still[:], self._history.settled[:] = False, False
 
-    def update(self, now: float) -> None:
-        """Find them for the event shown. now : seconds of the buffer's clock"""
+    def update(self, moved: NDArray[np.uint8], now: float) -> None:
+        """Find them for the event shown. moved : (n + 1,), see PoseTracker; now : seconds of the buffer's clock"""
         poses, history, seconds = self._poses, self._history, self._buffer.epoch + now
-        movers = np.flatnonzero(poses.moved()[1:])
+        movers = np.flatnonzero(moved[1:])
         many = len(movers) * max(1, self._lights) > MOST_PAIRS
         if many or poses.camera_moved or poses.doubted is not None or poses.rows is not None:
             self._forget(seconds, spans_moments=not poses.camera_moved)
             return
         if not self._learned:
-            self._learned, materials = True, poses.materials
-            self._mirrors[1:] = [materials[k].mirror > 0.0 for k in self._materials]
+            self._learned, self._mirrors = True, poses.mirrors
         note_depths(history.nearest, self._mirrors, self._depths, self._mirrored)
         reached = self._reached(movers)
         self._reached_at[reached] = seconds
         self._spans_moments |= reached
         still = self._reached_at <= seconds - HOLD_S
         if (left := still & ~history.still & self._spans_moments).any():
-            limit_counts_in(left, history.accumulation, OTHER_MOMENTS)
+            limit_means(history, left)
             forget_depths(left, self._depths, self._mirrored)  # some were those of what moved
             note_depths(history.nearest, self._mirrors, self._depths, self._mirrored)
-            history.dirty[left] = True
             self._spans_moments &= ~left
         history.temporal_gradient[still] = 0.0
         history.still[:] = still
@@ -101,7 +97,6 @@ class StillTiles:
     def _compile(self) -> None:
         """Compile what is not needed at once."""
         history, tiles = self._history, np.zeros_like(self._history.still)
-        limit_counts_in(tiles, history.accumulation, OTHER_MOMENTS)
         note_depths(history.nearest, self._mirrors, self._depths, self._mirrored)
         mark_reached(self._depths, np.eye(3), 0.0, 0.0, np.empty((0, 4)), np.empty((0, 4)), 0, 0, tiles)
         settle(tiles, self._mirrored, history.settled)
@@ -164,4 +159,4 @@ def _lights(moment: Moment, eye: Float64) -> Float64:
     places = np.concatenate([moment.point_positions, moment.spot_positions]).reshape(-1, 3) - eye
     directions = moment.directions.reshape(-1, 3)
     kinds = np.concatenate([np.ones(len(places)), np.zeros(len(directions))])
-    return np.ascontiguousarray(np.column_stack([np.concatenate([places, directions]), kinds]))
+    return np.column_stack([np.concatenate([places, directions]), kinds])

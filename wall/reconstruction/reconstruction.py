@@ -288,7 +288,7 @@ class Reconstruction:
         tiles = contradicted | shown | (not self._in_parts())
         redone = self._splat(moved, tiles | due, now)
         if self._still is not None:
-            self._still.update(float(now))
+            self._still.update(moved, float(now))
         buffer.reject_accumulation(changed, redone, with_neighbours(shown))
         self._schedule.move(None if redone.all() else tiles)
 

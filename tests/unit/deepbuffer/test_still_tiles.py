@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from adaptive_images import START, centres, event_at, traced
-from small_scenes import BLACK_SKY, Triple, instance, keyframes, material, quad, sphere_mesh, view
+from adaptive_images import image as image_of
+from numpy.typing import NDArray
+from small_scenes import BLACK_SKY, Triple, View, instance, keyframes, material, quad, sphere_mesh, view
 
-from wall.core.data import Event
+from wall.core.data import Event, Float32
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.still_tiles import HOLD_S, MOST_PAIRS, StillTiles
 from wall.reconstruction.reconstruction import Reconstruction
@@ -26,7 +29,7 @@ SPOT = SpotLight(
     outer_angle=40.0,
 )  # fmt: skip
 TO_AND_FRO: tuple[Triple, ...] = ((-1.6, 0.5, 0.3), (-1.1, 0.8, 0.6), (-1.6, 0.5, 0.3))
-PAST = 2  # instance of the mirror
+MIRROR, MOVER = 3, 4  # objects
 
 
 def court(
@@ -68,43 +71,50 @@ def court(
     )
 
 
-def image_that_settles(scene: Scene) -> Reconstruction:
-    return Reconstruction(ABOVE.panel, ABOVE.eye, scene, detects_change=True, settles=True)
+def image_that_settles(scene: Scene, seen: View = ABOVE) -> Reconstruction:
+    return Reconstruction(seen.panel, seen.eye, scene, detects_change=True, settles=True)
 
 
-def moment(k: int, **camera: Triple) -> Event:
-    return replace(event_at(k, ABOVE, scene_time=k * STEP_S, **camera), input_time=START + k * STEP_S)
+def moment(k: int, seen: View = ABOVE, **camera: Triple) -> Event:
+    return replace(event_at(k, seen, scene_time=k * STEP_S, **camera), input_time=START + k * STEP_S)
 
 
-def show(image: Reconstruction, scene: Scene, k: int, *, share: float = 1.0, **camera: Triple) -> None:
-    """Trace pixels' centres under the event of step k, a share of them drawn by chance, and show it."""
-    event, xy = moment(k, **camera), centres(SIZE)
-    samples = traced(scene, event, xy[np.random.default_rng(k).random(len(xy)) < share], ABOVE)
-    image.insert(samples, event.input_time, event)
-    image.refresh(event, event.input_time)
+def show(
+    image: Reconstruction, scene: Scene, k: int, seen: View = ABOVE, *, share: float = 1.0, late_s: float = 0.0,
+    **camera: Triple,
+) -> None:  # fmt: skip
+    """Trace pixels' centres under the event of step k, a share of them drawn by chance, and show it `late_s` later."""
+    event, xy = moment(k, seen, **camera), centres(seen.panel.pixels)
+    samples = traced(scene, event, xy[np.random.default_rng(k).random(len(xy)) < share], seen)
+    image.insert(samples, event.input_time + late_s, event)
+    image.refresh(event, event.input_time + late_s)
 
 
-def radiance(scene: Scene, k: int) -> np.ndarray:
-    samples = traced(scene, moment(k), seen=ABOVE)
-    x, y = samples["xy"].astype(int).T
-    found = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
-    found[y, x] = samples["radiance"]
-    return found
+def radiance(scene: Scene, k: int, seen: View = ABOVE) -> Float32:
+    return image_of(traced(scene, moment(k, seen), seen=seen), seen.panel.pixels)
+
+
+def changes(
+    image: Reconstruction, scene: Scene, steps: range, seen: View = ABOVE, *, share: float = 1.0, late_s: float = 0.0
+) -> Iterator[NDArray[np.bool_]]:
+    """Show these steps: of each the pixels (h, w) bool that differ from the one before. None of them may be settled."""
+    before = radiance(scene, steps.start - 1, seen)
+    for k in steps:
+        show(image, scene, k, seen, share=share, late_s=late_s)
+        now = radiance(scene, k, seen)
+        differs, before = (np.abs(now - before) > 1e-6).any(axis=-1), now
+        assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
+        yield differs
 
 
 @pytest.mark.parametrize("lights", [(SUN,), (LAMP,), (SPOT,), (SUN, LAMP)], ids=["sun", "lamp", "spot", "both"])
 @pytest.mark.parametrize("mirror", [0.0, 0.6])
 def test_no_pixel_that_changes_is_settled(lights: tuple[Light, ...], mirror: float, compiled_only: None) -> None:
     scene = court(*lights, mirror=mirror)
-    image, before, changed = image_that_settles(scene), radiance(scene, 0), 0
-    shares = []
-    for k in range(1, 45):
-        show(image, scene, k)
-        now, settled = radiance(scene, k), image.buffer.history.settled
-        differs = (np.abs(now - before) > 1e-6).any(axis=-1)
-        assert not (differs & settled).any(), f"at step {k}"
-        changed, before = changed + int(differs.sum()), now
-        shares.append(settled.mean())
+    image, changed, shares = image_that_settles(scene), 0, []
+    for differs in changes(image, scene, range(1, 45)):
+        changed += int(differs.sum())
+        shares.append(image.buffer.history.settled.mean())
     assert changed > 2000, "the test would see it"
     assert not any(shares[: int(HOLD_S / STEP_S) - 1]), "held at first"
     assert 0.3 < shares[-1] < 0.97, "and the rest is"
@@ -118,14 +128,7 @@ def test_after_a_pause_what_moves_again_is_in_no_settled_pixel(compiled_only: No
     for pause in range(1, 21):
         image.refresh(moment(24), START + (24 + pause) * STEP_S)
     assert image.nothing_moves
-    before = radiance(scene, 24)
-    for k in range(25, 40):
-        event = moment(k)
-        image.insert(traced(scene, event, seen=ABOVE), event.input_time + 20 * STEP_S, event)
-        image.refresh(event, event.input_time + 20 * STEP_S)
-        now = radiance(scene, k)
-        differs, before = (np.abs(now - before) > 1e-6).any(axis=-1), now
-        assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
+    for _ in changes(image, scene, range(25, 40), late_s=20 * STEP_S):
         assert image.buffer.history.settled.mean() > 0.3
 
 
@@ -133,12 +136,8 @@ def test_the_place_that_an_object_leaves_at_once_after_it_stood_is_reached(compi
     """While another one moves: else nothing would, and all would be at rest."""
     path: tuple[Triple, ...] = (TO_AND_FRO[0], TO_AND_FRO[0], (1.4, 0.6, 1.9), (1.4, 0.6, 1.9))
     scene = court(SUN, path=path, times=(0.0, 1.5, 1.51, 9.0), loop=False, beside=((2.4, 0.3, -2.0), (2.6, 0.3, -2.0)))
-    image, before = image_that_settles(scene), radiance(scene, 0)
-    for k in range(1, 45):
-        show(image, scene, k)
-        now = radiance(scene, k)
-        differs, before = (np.abs(now - before) > 1e-6).any(axis=-1), now
-        assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
+    image = image_that_settles(scene)
+    assert any(differs.any() for differs in list(changes(image, scene, range(1, 45))))
     assert image.buffer.history.settled.mean() > 0.3
 
 
@@ -164,34 +163,18 @@ def test_what_came_to_rest_between_depths_seen_before_is_shaded_by_what_moves_la
         )
     )
     seen = view((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), pixels=SIZE)
-    image, before, shaded = Reconstruction(seen.panel, seen.eye, scene, detects_change=True, settles=True), None, 0
-    for k in range(1, 90):
-        event = replace(event_at(k, seen, scene_time=k * STEP_S), input_time=START + k * STEP_S)
-        samples = traced(scene, event, seen=seen)
-        image.insert(samples, event.input_time, event)
-        image.refresh(event, event.input_time)
-        x, y = samples["xy"].astype(int).T
-        now = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
-        now[y, x] = samples["radiance"]
-        if before is not None:
-            differs = (np.abs(now - before) > 1e-6).any(axis=-1)
-            assert not (differs & image.buffer.history.settled).any(), f"at step {k}"
-            shaded += int(differs.sum()) if k > 40 else 0
-        before = now
-    assert shaded > 500
+    differs = list(changes(image_that_settles(scene, seen), scene, range(1, 90), seen))
+    assert sum(each.sum() for each in differs[40:]) > 500, "of the steps after 40"
 
 
 def test_a_mover_reaches_where_it_is_seen_and_shades_and_the_rest_settles() -> None:
     """Of few pixels, also in plain Python; the mirror is one of them."""
     seen, scene = view((0.0, 3.0, 6.0), (0.0, 0.4, 0.0), pixels=(64, 36)), court(SUN, LAMP, mirror=0.5)
-    image = Reconstruction(seen.panel, seen.eye, scene, detects_change=True, settles=True)
+    image = image_that_settles(scene, seen)
     for k in range(1, 15):
-        event = replace(event_at(k, seen, scene_time=k * STEP_S), input_time=START + k * STEP_S)
-        samples = traced(scene, event, seen=seen)
-        image.insert(samples, event.input_time, event)
-        image.refresh(event, event.input_time)
+        show(image, scene, k, seen)
         nearest = image.find_nearest().object_id
-        assert not image.buffer.history.settled[(nearest == PAST + 1) | (nearest == PAST + 2)].any()
+        assert not image.buffer.history.settled[(nearest == MIRROR) | (nearest == MOVER)].any()
     assert 0.05 < image.buffer.history.settled.mean() < 0.9
 
 
@@ -203,11 +186,9 @@ def test_a_scene_with_surfaces_that_let_light_through_has_none() -> None:
 @pytest.mark.parametrize("size", [(149, 91), (13, 9), (160, 97)])
 def test_images_of_any_size_settle(size: tuple[int, int], compiled_only: None) -> None:
     seen, scene = view((0.0, 3.0, 6.0), (0.0, 0.4, 0.0), pixels=size), court(SUN)
-    image = Reconstruction(seen.panel, seen.eye, scene, detects_change=True, settles=True)
+    image = image_that_settles(scene, seen)
     for k in range(1, 20):
-        event = replace(event_at(k, seen, scene_time=k * STEP_S), input_time=START + k * STEP_S)
-        image.insert(traced(scene, event, seen=seen), event.input_time, event)
-        image.refresh(event, event.input_time)
+        show(image, scene, k, seen)
     assert image.buffer.history.settled.any() == (size != (13, 9)), "one tile is all of the smallest"
 
 
@@ -220,7 +201,7 @@ def test_a_mirror_never_settles_and_what_surrounds_it_does(compiled_only: None) 
             show(image, each, k)
         settled.append(image.buffer.history.settled)
         nearest = image.find_nearest().object_id
-    ball = nearest == PAST + 1
+    ball = nearest == MIRROR
     assert ball.sum() > 200
     assert not settled[0][ball].any()
     assert settled[1][ball].all()

@@ -259,28 +259,12 @@ def changed_in_row(nearest, changed, i, left, right):
 
 
 @kernel
-def limit_counts(accumulation, most):
-    """Let every pixel's accumulation weigh as `most` samples (float32) at most."""
-    limit_in(accumulation, most)
-
-
-@inline_kernel
-def limit_in(accumulation, most):
-    """`limit_counts` of a part of an image."""
+def limit_counts(tiles, accumulation, most):
+    """Let what the pixels of some tiles (rows, columns) bool accumulated weigh as `most` samples (float32) at most."""
     for i in range(accumulation.shape[0]):
         for j in range(accumulation.shape[1]):
-            if accumulation[i, j, COUNT] > most:
+            if tiles[i // TILE, j // TILE] and accumulation[i, j, COUNT] > most:
                 shorten(accumulation[i, j], most / accumulation[i, j, COUNT])
-
-
-@kernel
-def limit_counts_in(tiles, accumulation, most):
-    """`limit_counts` of the pixels of some tiles (rows, columns) bool."""
-    for row in range(tiles.shape[0]):
-        for column in range(tiles.shape[1]):
-            if tiles[row, column]:
-                i, j = row * TILE, column * TILE
-                limit_in(accumulation[i : i + TILE, j : j + TILE], most)
 
 
 @inline_kernel

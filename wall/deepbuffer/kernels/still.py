@@ -24,7 +24,7 @@ def note_depths(nearest, mirrors, depths, mirrored):
     Parameters
     ----------
     nearest : (h, w, 4) float32, see PixelHistory
-    mirrors : (n + 1,) uint8, objects that show others
+    mirrors : (n + 1,) bool, objects that show others
     depths : (h, w, 2) float32, NEAR and FAR; (inf, 0): nothing but sky yet
     mirrored : (h, w) bool, set where a mirror is seen
     """
@@ -35,7 +35,7 @@ def note_depths(nearest, mirrors, depths, mirrored):
                 depth = nearest[i, j, NEAREST_DEPTH]
                 depths[i, j, NEAR] = min(depths[i, j, NEAR], depth)
                 depths[i, j, FAR] = max(depths[i, j, FAR], depth)
-                if mirrors[object_id] != 0:
+                if mirrors[object_id]:
                     mirrored[i, j] = True
 
 

@@ -55,10 +55,8 @@ def score_moving(resolved, sample_density, accumulation, accumulating, floor, to
     """
     height, width = scores.score.shape
     brightness = np.empty((3, width + 2), np.float32)
-    for k in (2, 0):  # of the rows above and at row 0, which count as alike
-        measure_brightness(resolved[0], tone, brightness[k])
     for i in range(height):
-        measure_brightness(resolved[min(i + 1, height - 1)], tone, brightness[(i + 1) % 3])
+        measure_row_below(resolved, i, tone, brightness)
         up, own, down = brightness[(i + 2) % 3], brightness[i % 3], brightness[(i + 1) % 3]
         contrast, density, score = scores.contrast[i], scores.density[i], scores.score[i]
         measure_contrast(up, own, down, contrast)
@@ -70,6 +68,19 @@ def score_moving(resolved, sample_density, accumulation, accumulating, floor, to
                 density[j] = max(density[j], counts[j])
         for j in range(width):
             score[j] = moving_gain(contrast[j], density[j]) + floor
+
+
+@inline_kernel
+def measure_row_below(resolved, i, tone, brightness):
+    """Measure the row below row i, for i from 0 on; with row 0 itself, and the one above it, which counts as alike.
+
+    resolved : (h, w, 3) float32, linear RGB; tone : see score_still
+    brightness : (3, w + 2) float32, a ring of rows: row k stands at k % 3
+    """
+    if i == 0:
+        for k in (2, 0):
+            measure_brightness(resolved[0], tone, brightness[k])
+    measure_brightness(resolved[min(i + 1, resolved.shape[0] - 1)], tone, brightness[(i + 1) % 3])
 
 
 @inline_kernel
@@ -138,10 +149,8 @@ def score_still(resolved, accumulation, floor, enough, tone, scores):
     """
     height, width = scores.score.shape
     brightness = np.empty((3, width + 2), np.float32)
-    for k in (2, 0):  # of the rows above and at row 0, which count as alike
-        measure_brightness(resolved[0], tone, brightness[k])
     for i in range(height):
-        measure_brightness(resolved[min(i + 1, height - 1)], tone, brightness[(i + 1) % 3])
+        measure_row_below(resolved, i, tone, brightness)
         up, own, down = brightness[(i + 2) % 3], brightness[i % 3], brightness[(i + 1) % 3]
         contrast, density, score = scores.contrast[i], scores.density[i], scores.score[i]
         measure_contrast_of_four(up, own, down, contrast)
