@@ -15,8 +15,10 @@ import pytest
 from running import WALL, called, environment, mpirun, page_of, session_of, shown, start, status, summary, write_config
 
 from wall.client import connect
+from wall.run.warm_up import LONGEST_OTHERS_S
 
-PATIENCE_S = 90.0  # who joins may wait for another process that compiles
+PATIENCE_S = 60.0
+JOINS_S = LONGEST_OTHERS_S + PATIENCE_S  # who joins may wait for others that compile
 Ranks = list[dict[str, Any]]
 
 
@@ -38,13 +40,14 @@ def begun() -> Iterator[Callable[..., subprocess.Popen[str]]]:
             process.kill()
 
 
-def until_ranks(address: str, wanted: Callable[[Ranks], bool]) -> Ranks:
-    """The table of ranks, once it is as wanted."""
-    limit = time.monotonic() + PATIENCE_S
+def until_ranks(address: str, wanted: Callable[[Ranks], bool], *, joins: subprocess.Popen[str] | None = None) -> Ranks:
+    """The table of ranks, once it is as wanted; `joins`: a process that must not end before."""
+    limit = time.monotonic() + (PATIENCE_S if joins is None else JOINS_S)
     while True:
         ranks: Ranks = status(address)["ranks"]
         if wanted(ranks):
             return ranks
+        assert joins is None or joins.poll() is None, joins.communicate()[0]
         assert time.monotonic() < limit, [(rank["alive"], rank["region"]) for rank in ranks]
         time.sleep(0.05)
 
@@ -68,7 +71,7 @@ def test_processes_join_a_run_of_mpirun_in_a_dead_rank_s_place_and_beside_the_ot
     text = config.read_text().replace("sinks: [png]", "balance: true, sinks: [browser, png]")
     config.write_text(text)
     out = tmp_path / "OUT"
-    run = begun("run", config, "--out", out, "--seconds", 400, launcher=mpirun(3, "--with-ft", "ulfm"))
+    run = begun("run", config, "--out", out, "--seconds", 2 * JOINS_S + 300, launcher=mpirun(3, "--with-ft", "ulfm"))
     address = page_of(run)
     shown(address)
     control = out / "control.json"
@@ -77,11 +80,11 @@ def test_processes_join_a_run_of_mpirun_in_a_dead_rank_s_place_and_beside_the_ot
     os.kill(pid_of(run, 2), signal.SIGKILL)
     until_ranks(address, lambda ranks: not ranks[2]["alive"] and not ranks[2]["region"])
     first = begun("join", out)
-    until_ranks(address, lambda ranks: len(ranks) == 3 and traces(ranks[2]))
+    until_ranks(address, lambda ranks: len(ranks) == 3 and traces(ranks[2]), joins=first)
 
     with open(control) as given:
         second = begun("join", "-", stdin=given)
-    rendered = until_ranks(address, lambda ranks: len(ranks) == 4 and all(map(traces, ranks[1:])))
+    rendered = until_ranks(address, lambda ranks: len(ranks) == 4 and all(map(traces, ranks[1:])), joins=second)
     assert "" not in [rank["region"] for rank in rendered[1:]]
 
     second.send_signal(signal.SIGINT)

@@ -162,6 +162,7 @@ def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
         written = summary(out) if (out / "summary.json").exists() else {"restarts": {}}
         return "1" in written["restarts"] and written["ranks"][1]["samples_traced"] > 64 * 48
 
+    comes((events / "rank-1.events").exists, "the first renderer's recording", START_LIMIT_S)
     kill_renderer()
     said = read_until(run, "was started again")
     comes(second_life_traced, "samples of the second renderer in the results", START_LIMIT_S)
@@ -181,6 +182,10 @@ def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
     assert isinstance(table, Table)
     assert table.row_count == 2, "both lives"
     assert "each with the bits of the run" in str(last)
+    (events / "rank-1.events").unlink()  # as of a renderer that was killed before it recorded anything
+    table, last = replay(events, ranks=(), jobs=1, say=lambda line: None)
+    assert isinstance(table, Table)
+    assert table.row_count == 1, "the second life is there all the same"
 
 
 def test_a_rank_that_nothing_can_start_again_says_why(

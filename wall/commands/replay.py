@@ -63,7 +63,8 @@ def replay_one(
     recorded = _opened(folder, (rank,))
     if life not in (lives := recorded.lives(rank)):
         raise ConfigError(
-            f"--batch {number}@{life}: {folder} has rank {rank} {len(lives)} times; accepted: @0 to @{len(lives) - 1}"
+            f"--batch {number}@{life}: {folder} has rank {rank} {len(lives)} times; accepted: "
+            + ", ".join(f"@{each}" for each in lives)
         )
     found = replay_batch(recorded, _scene(recorded, say), rank, number, life)
     yield from _lines(recorded, rank, found)

@@ -42,9 +42,7 @@ class Recorded:
 
     def lives(self, rank: int) -> tuple[int, ...]:
         """How often the rank was started before, for each of its files."""
-        later = (path.suffixes[0][1:] for path in self.folder.glob(f"rank-{rank}.*.events"))
-        first = (0,) if file_of(self.folder, rank).exists() else ()
-        return (*first, *sorted(int(life) for life in later if life.isdecimal()))
+        return _lives(self.folder, rank)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +76,7 @@ def open_recording(folder: Path) -> Recorded:
         loaded = loads(about["config"], name=str(folder / RUN), path=path)
         layout = make_layout(loaded)
         layers = {index: layout.graph.layers[index].ranks[0] for index in about["at_renderers"]}
-        ranks = tuple(rank for rank in about["renderers"] if file_of(folder, rank).exists())
+        ranks = tuple(rank for rank in about["renderers"] if _lives(folder, rank))
     except FileNotFoundError:
         raise ConfigError(f"{folder}: no {RUN} there; wanted a folder that `wall run --record` wrote") from None
     except OSError as error:
@@ -90,6 +88,13 @@ def open_recording(folder: Path) -> Recorded:
     layout = replace(layout, graph=layout.graph.reconstructed_at(layers))
     missing = tuple(rank for rank in layout.renderers() if rank not in ranks)
     return Recorded(folder=folder, plan=make_plan(layout), ranks=ranks, missing=missing, version=version)
+
+
+def _lives(folder: Path, rank: int) -> tuple[int, ...]:
+    """As Recorded.lives; a rank may die before its first file is there."""
+    later = (path.suffixes[0][1:] for path in folder.glob(f"rank-{rank}.*.events"))
+    first = (0,) if file_of(folder, rank).exists() else ()
+    return (*first, *sorted(int(life) for life in later if life.isdecimal()))
 
 
 def replay_rank(recorded: Recorded, scene: TracerScene, rank: int, life: int = 0) -> Replayed:
