@@ -22,7 +22,9 @@ POLL_S = 0.2  # between looks at the cache of compiled kernels
 
 
 @contextmanager
-def progress_bar(title: str = "{task.description}", *, count: str | None = None) -> Iterator[Callable[..., None]]:
+def progress_bar(
+    title: str = "{task.description}", *, count: str | None = None
+) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error; yields a function that takes `completed=`, `total=`, `description=`.
 
     `title` and `count` are the texts before and after the bar; `count` defaults to done/total.

@@ -96,7 +96,9 @@ def rendered_strips(renderer: OfflineRenderer, tiles: list[Tile], *, linear: boo
     width, height = image_size(tile.panel for tile in tiles)
     starts = range(0, height, STRIP_ROWS)
     work = (band for y in starts for band in _bands(tiles, y))
-    bands = renderer.bands(work, (lambda band: band) if linear else partial(display_values, tone=renderer.event.tone))
+    bands = renderer.bands(
+        work, (lambda band: band) if linear else partial(display_values, tone=renderer.event.tone)
+    )
     for y in starts:
         strip = np.zeros((min(STRIP_ROWS, height - y), width, 3), np.float32 if linear else np.uint8)
         for tile, rect in _bands(tiles, y):

@@ -125,7 +125,9 @@ def _planned(config: NodeGraph, wall: Wall, views: Sequence[ViewConfig], refusal
     return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
 
 
-def _apart(order: Sequence[Node], rank_of: Mapping[str, int], held: Mapping[str, frozenset[int]]) -> frozenset[str]:
+def _apart(
+    order: Sequence[Node], rank_of: Mapping[str, int], held: Mapping[str, frozenset[int]]
+) -> frozenset[str]:
     """The `over` nodes whose inputs other processes make, all of one panel as it is seen: they can be reprojected."""
     found, made = set[str](), dict[str, frozenset[int]]()  # panels that a node's pixels come from
     seen = dict[str, bool]()  # whether they are as their panel is seen

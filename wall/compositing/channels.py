@@ -17,7 +17,9 @@ OPAQUE: Channels = frozenset({"colour", "depth", "time", "object_id", "albedo", 
 Interval = tuple[int, int]
 
 
-def find_channels(order: Sequence[Node], refusals: Refusals, *, moved: Container[str] = ()) -> dict[str, Channels]:
+def find_channels(
+    order: Sequence[Node], refusals: Refusals, *, moved: Container[str] = ()
+) -> dict[str, Channels]:
     """What every node's framelet holds: what it can give, as far as somebody after it needs it.
 
     `moved`: ids of nodes whose inputs are reprojected.

@@ -226,3 +226,5 @@ def _imports(path: Path) -> list[Path]:
         modules |= {module, *(f"{module}.{name}" for name in re.findall(r"\w+", names))}
     files = [PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py") for module in sorted(modules)]
     return [file for file in files if file.exists()]
+
+

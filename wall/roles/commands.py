@@ -71,7 +71,9 @@ class Commands:
             raise EditError("command compare: this wall has several views, or no second image: want one view, unlocked")
 
 
-def commands_of(director: Director, commands: Sequence[Command], directors: Sequence[Director]) -> list[Command]:
+def commands_of(
+    director: Director, commands: Sequence[Command], directors: Sequence[Director]
+) -> list[Command]:
     """Those that a view takes; all views before it have taken theirs."""
     own = [command for command in commands if _meant(command, directors) in (EVERY_VIEW, director.view)]
     first = directors[0]

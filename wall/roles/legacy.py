@@ -59,8 +59,7 @@ def legacy_of(manager: Manager, before: Legacy | None = None) -> Legacy:
         assignment=balancer.assignment.number if balancer is not None else 0,
         assignments=balancer.made if balancer is not None else 0,
         views={director.name: director.kept for director in manager.directors},
-        selection=replace(manager.commands.selection, names=[])
-        if manager.reloading.adopting
+        selection=replace(manager.commands.selection, names=[]) if manager.reloading.adopting
         else manager.commands.selection,
         reloads=manager.reloading.left(editor.count),
         number=plan.number,

@@ -22,9 +22,7 @@ scene: {source: courtyard}
 wall: {grid: {columns: 1, rows: 1, pixels: [160, 120], size: [0.4, 0.3]}}
 views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}}]
 """
-TEXT = (
-    PLAIN
-    + """\
+TEXT = PLAIN + """\
 graph:
   nodes:
     - {id: traced, op: samples, panel: r0c0}
@@ -32,7 +30,6 @@ graph:
     - {id: told, op: legend, input: drawn, color_map: {range: [0, 9]}, area: [8, 16, 40, 80], size: 8}
     - {id: file, op: sink, kind: png, input: told}
 """
-)
 LIGHT = 0.5
 
 

@@ -173,10 +173,8 @@ PLACEMENT = {
     ),
     "pages of two compositors": (
         nodes(
-            *WHOLE[:5],
-            "id: page, op: sink, kind: browser, input: w",
-            "id: other, op: sink, kind: browser, input: w, on: compositor 1",
-            head=TWO,
+            *WHOLE[:5], "id: page, op: sink, kind: browser, input: w",
+            "id: other, op: sink, kind: browser, input: w, on: compositor 1", head=TWO,
         ),
         "14:58: graph.nodes[6].on = 'compositor 1': page is a page of rank 0, and all pages are served by one "
         "compositor; accepted: head",

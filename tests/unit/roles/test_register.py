@@ -162,6 +162,7 @@ def test_a_rank_whose_batches_always_take_long_is_told_of_once(elsewhere: Plan) 
     assert [(note.rank, note.text.partition(",")[0]) for note in told] == [(2, "lives")]
 
 
+
 def test_a_rank_at_rest_is_not_marked_nor_is_one_that_traces_however_slowly(elsewhere: Plan) -> None:
     lost_after_s = elsewhere.layout.config.transport.lost_after_s
     run = stuck_run(elsewhere, after=3 * lost_after_s, works=False, complete=True)

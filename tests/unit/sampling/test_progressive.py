@@ -207,7 +207,9 @@ def test_the_estimated_error_is_about_the_true_one(
     assert (run.sampler.samples_shown, run.sampler.square_error) == (0, 0.0)
 
 
-def test_a_coarse_pass_begins_with_the_tiles_that_an_edit_has_changed(compiled_only: None, camera_path: Path) -> None:
+def test_a_coarse_pass_begins_with_the_tiles_that_an_edit_has_changed(
+    compiled_only: None, camera_path: Path
+) -> None:
     """Each of 32 x 32 pixels has 16 probes, of noise that is as large as the change; all else is as it was."""
     rect, noise = Rect(x=0, y=0, width=256, height=256), np.random.default_rng(3)
     run = Run(rect=rect, batch=1024, first_stage=1, samples_per_pixel=1)

@@ -105,7 +105,9 @@ def _best(rows: Sequence[Row], prefix: str, name: str) -> list[Comparison]:
     return [replace(found, method=name) for found in best_other(family)]
 
 
-def _ratios(wanted: Iterable[Requirement], found: Iterable[Comparison], clock: str, about: str = "") -> list[Verdict]:
+def _ratios(
+    wanted: Iterable[Requirement], found: Iterable[Comparison], clock: str, about: str = ""
+) -> list[Verdict]:
     """Each requirement at every spending that has its method; about : what it is about, in words."""
     known = sorted(found, key=lambda c: (c.method, c.spending))
     return [

@@ -14,7 +14,9 @@ HALF_ULP = 2.0**-24  # largest relative error of one float32 rounding
 
 
 @kernel
-def place_instances(world_from_object, eye, moved, geometries, transforms, placements, extents, scales, singular, ulps):
+def place_instances(
+    world_from_object, eye, moved, geometries, transforms, placements, extents, scales, singular, ulps
+):
     """Places instances relative to the eye; the trees that they are in are to be committed then.
 
     Parameters
