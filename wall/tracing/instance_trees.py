@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float64
+from wall.scene.cuts import planes_of
 from wall.scene.model import Moment
 from wall.tracing import embree
 from wall.tracing.kernels.placement import place_instances
@@ -40,7 +41,8 @@ class InstanceTrees:
         self._singular = np.zeros(n, np.bool_)
         self._hidden = np.zeros(n, np.bool_)
         self._moves_apart = np.zeros(n, np.bool_)
-        self.trees = Trees(self._device.tree(self._handles), 0, np.zeros(0, np.uint32))
+        cuts = np.zeros((len(tracer_scene.scene.cuts), 4), np.float32) if tracer_scene.scene.cuts else None
+        self.trees = Trees(self._device.tree(self._handles), 0, np.zeros(0, np.uint32), cuts)
         animated = tracer_scene.scene.animated_objects
         self._many = n >= LEAST_APART
         if self._many and len(animated) <= n // 2:
@@ -69,6 +71,8 @@ class InstanceTrees:
 
     def place(self, moment: Moment, origin: Float64) -> None:
         """Places what is not yet where it is to be, relative to the eye at `origin` (3,), world."""
+        if self.trees.cuts is not None:
+            self.trees.cuts[:] = planes_of(moment.shading.cuts, origin)
         before, self._shown = self._shown, moment
         if before is None or (origin != self._origin).any():
             self._origin = origin.copy()

@@ -18,7 +18,6 @@ from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.core.threads import Threads
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
-from wall.scene.cuts import planes_of
 from wall.scene.model import AmbientOcclusion, Moment, Shading
 from wall.scene.sky import sky_irradiance
 from wall.tracing import embree
@@ -79,10 +78,10 @@ class Traced:
     bad: int
 
 
-def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0) -> Workspace:
+def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT) -> Workspace:
     """A fresh packet for one thread; the fields that no kernel changes are set here, once.
 
-    primary_mask : Embree mask of primary rays; cuts : number of planes, to be written
+    primary_mask : Embree mask of primary rays
     """
     packet = embree.aligned((rows.PACKET_FLOATS,), np.float32)
     bits = packet.view(np.uint32)
@@ -99,7 +98,6 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0
         hit_before=np.zeros(embree.PACKET, np.uint32),
         counts=np.zeros(COUNTS, np.int64),
         waiting=WaitingRays(np.zeros(MIRROR_ROWS * MIRROR_ROOM, np.float32), *np.zeros((2, MIRROR_ROOM), np.int64)),
-        cuts=np.zeros((cuts, 4), np.float32) if cuts else None,
     )
 
 
@@ -167,10 +165,10 @@ class Tracer:
         self._laid: LaidSteps | None = None  # kept while they are
         self._shading: Shading | None = None  # as last placed
         self._depth = tracer_scene.scene.path_depth
-        primary_mask, cuts = EVERY_OBJECT if seen is None else SEEN, len(tracer_scene.scene.cuts)
+        primary_mask = EVERY_OBJECT if seen is None else SEEN
         self._threads = Threads(threads)
         self.cpu_beside_s = 0.0  # CPU seconds of the threads beside the caller's so far
-        self.works = [workspace(coherent=coherent, primary_mask=primary_mask, cuts=cuts) for _ in range(threads)]
+        self.works = [workspace(coherent=coherent, primary_mask=primary_mask) for _ in range(threads)]
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._occlusion = _occlusion(tracer_scene.scene.occlusion)
         self._path_rooms = [path_room(0, normals=self._emitter_tree is not None) for _ in range(threads)]
@@ -207,9 +205,6 @@ class Tracer:
         if self._emitter_tree is not None:
             self._emitter_tree.place(moment.world_from_object, origin)
         shading = moment.shading
-        for work in self.works:
-            if work.cuts is not None:
-                work.cuts[:] = planes_of(shading.cuts, origin)
         points, many_points = self._points.place(moment.point_positions, shading, origin)
         spots, many_spots = self._spots.place(moment.spot_positions, shading, origin)
         self._lights = self._lights._replace(points=points, spots=spots, many_points=many_points, many_spots=many_spots)

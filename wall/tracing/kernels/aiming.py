@@ -166,7 +166,7 @@ def add_emitters(emitters, scene, surfaces, materials, work):
         choose_emitters(emitters, surfaces, materials, work)
         for lane in range(16):
             aim_chosen(way_to_emitter(lane, work), materials.rows, materials.scattering, lane, work)
-        drop_cut_away(work.cuts, work)
+        drop_cut_away(scene.cuts, work)
         add_unshadowed(scene, work)
 
 
@@ -188,7 +188,7 @@ def aim_chosen(way, table, scattering, lane, work):
 def drop_cut_away(cuts, work):
     """Gives up the shadow rays to places that are cut away: no light is there. None does nothing.
 
-    cuts : Workspace.cuts
+    cuts : Trees.cuts
     """
     if cuts is not None:
         p = work.packet
@@ -209,7 +209,7 @@ def add_unshadowed(scene, work):
     if aimed == 0:
         return
     work.counts[SHADOW_RAYS] += aimed
-    shorten_rays(work.cuts, SHADOW_PACKET, work)
+    shorten_rays(scene.cuts, SHADOW_PACKET, work)
     any_hits(scene, work)
     for lane in range(16):
         seen = (p[rows.AIMED + lane] != ZERO) & (p[SHADOW_T_FAR + lane] >= ZERO)

@@ -19,7 +19,7 @@ def shorten_rays(cuts, first, work):
 
     A ray of which nothing is left begins behind its end, 0 or more: it hits nothing, and counts as one that misses.
 
-    cuts : Workspace.cuts; first : offset of the packet's rows: 0, or SHADOW_PACKET
+    cuts : Trees.cuts; first : offset of the packet's rows: 0, or SHADOW_PACKET
     """
     if cuts is not None:
         p = work.packet

@@ -42,18 +42,18 @@ def sample(albedo, eta, roughness, out, numbers, seed):
 
 
 @inline_kernel
-def absorb(used, placements, table, work):
+def absorb(used, cuts, placements, table, work):
     """Takes from each lane's path what glass absorbed on the way to where the ray hits it from inside (Beer-Lambert).
 
     Directions are unit vectors.
-    used : Materials.absorbs, None does nothing; placements : see Meshes; table : (k,) MATERIAL
+    used : Materials.absorbs, None does nothing; cuts : Trees.cuts; placements : see Meshes; table : (k,) MATERIAL
     """
     if used is not None:
         p = work.packet
         for lane in range(16):
             if p[rows.HIT + lane] == ZERO:
                 continue
-            taken, way = material_of(table, lane, work)["absorption"], way_left(work.cuts, lane, p)
+            taken, way = material_of(table, lane, work)["absorption"], way_left(cuts, lane, p)
             if max(taken[0], taken[1], taken[2]) > ZERO and seen_from_inside(placements, lane, work):
                 p[rows.THROUGHPUT_R + lane] *= math.exp(-taken[0] * way)
                 p[rows.THROUGHPUT_G + lane] *= math.exp(-taken[1] * way)

@@ -231,7 +231,7 @@ def add_light(light, number, scene, work):
         rays += 1 if lit else 0
     if rays == 0:
         return 0
-    shorten_rays(work.cuts, SHADOW_PACKET, work)
+    shorten_rays(scene.cuts, SHADOW_PACKET, work)
     any_hits(scene, work)
     red, green, blue = light[3], light[4], light[5]
     bit = np.uint32(1) << np.uint32(number) if number < MASK_BITS else np.uint32(0)

@@ -77,7 +77,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 colour_by_vertices(surfaces.meshes, surfaces.colors, work)
                 colour_points(surfaces.meshes, surfaces.point_colors, surfaces.segments, work)
                 apply_textures(surfaces, materials, surfaces.uvs, work)
-                absorb(materials.absorbs, surfaces.meshes.placements, materials.rows, work)
+                absorb(materials.absorbs, scene.cuts, surfaces.meshes.placements, materials.rows, work)
             if bounce == 0:
                 encode_normals(True, surfaces.meshes.eye_from_object, materials.rows, work)
                 record_first(xy, first, count, samples, work)

@@ -64,7 +64,7 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
 
     Parameters
     ----------
-    scene : int, committed Embree scene whose instances are placed relative to the eye
+    scene : Trees, committed, whose instances are placed relative to the eye
     camera : RayFrame
     xy : (n, 2) float32, positions, panel pixels; 16 in a row make a packet
     samples : (n,) SAMPLE, written, except time
@@ -107,9 +107,9 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
 @inline_kernel
 def intersect(scene, work):
     """Finds the nearest hits of the packet's valid lanes."""
-    shorten_rays(work.cuts, 0, work)
+    shorten_rays(scene.cuts, 0, work)
     closest_hits(scene, work)
-    reopen_misses(work.cuts, work)
+    reopen_misses(scene.cuts, work)
 
 
 @inline_kernel

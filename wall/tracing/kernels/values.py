@@ -77,11 +77,15 @@ MATERIAL = np.dtype(
 
 
 class Trees(NamedTuple):
-    """Embree's trees over the instances, for one thread."""
+    """What rays may meet: Embree's trees over the instances, and planes that cut the scene open; for one thread.
+
+    The planes are here and not in Workspace, which all kernels take: these are compiled once for scenes of both kinds.
+    """
 
     at_rest: int  # handle of the tree whose instances have their own numbers
     moving: int  # handle of a tree over those that move, where rebuilding the other would take long; 0: there is none
     objects: NDArray[np.uint32]  # (m,) numbers of the instances in `moving`
+    cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
 
 
 class RayFrame(NamedTuple):
@@ -252,5 +256,4 @@ class Workspace(NamedTuple):
     hit_before: NDArray[np.uint32]  # (16,) scratch of trees.closest_hits
     counts: NDArray[np.int64]  # (4,) PRIMARY_RAYS ... BAD_SAMPLES
     waiting: WaitingRays
-    cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
     recording: Recording | None = None  # of queries; None: nobody measures
