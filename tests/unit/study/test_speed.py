@@ -122,7 +122,7 @@ def test_recorded_rays_find_what_was_found_when_they_are_asked_alone(compiled_on
     trees.place(ball.at(0.0), np.zeros(3))
     packets, valid = embree.aligned((3, embree.RAY_HIT_FLOATS), np.uint32), embree.aligned((3, 16), np.int32)
     record = Recording(packets, valid, np.zeros(3, np.bool_), np.zeros(3, np.uint32), np.zeros(1, np.int64))
-    work = workspace(coherent=False)._replace(recording=record)
+    work = workspace(coherent=False)
     for rays in (0, SHADOW_PACKET):  # from z = 4 down, a quarter of a unit apart: the ball has a radius of 1
         packet = work.packet[rays:]
         packet[embree.ORIGIN_X : embree.ORIGIN_X + 16] = np.arange(16) / 4.0
@@ -130,7 +130,7 @@ def test_recorded_rays_find_what_was_found_when_they_are_asked_alone(compiled_on
         packet[embree.T_FAR : embree.T_FAR + 16] = 100.0
     work.bits[embree.GEOMETRY : embree.INSTANCE + 16] = embree.NO_HIT
     work.valid[:], work.shadow_valid[:] = -1, [-1] * 8 + [0] * 8
-    ask_twice(trees.trees, work)
+    ask_twice(trees.trees._replace(recording=record), work)
     found = work.packet[: embree.RAY_HIT_FLOATS].copy(), work.packet[SHADOW_PACKET:][: embree.RAY_FLOATS].copy()
     assert record.asked[0] == 2
     assert record.shadow[:2].tolist() == [False, True]

@@ -87,18 +87,18 @@ class PathBench:
 
     def recorded(self) -> tuple[Recording, int]:
         """All that Embree is asked for one sample a pixel, and the number of rays. Raises RunError if some is lost."""
-        work, xy = self.tracer.works[0], self._places()
+        trees, xy = self.tracer.instances.trees, self._places()
         room = 24 * len(xy) // embree.PACKET
         record = Recording(
             packets=embree.aligned((room, embree.RAY_HIT_FLOATS), np.uint32),
             valid=embree.aligned((room, embree.PACKET), np.int32), shadow=np.zeros(room, np.bool_),
             flags=np.zeros(room, np.uint32), asked=np.zeros(1, np.int64),
         )  # fmt: skip
-        self.tracer.works[0], rays = work._replace(recording=record), 0
+        self.tracer.instances.trees, rays = trees._replace(recording=record), 0
         for first in range(0, len(xy), BATCH):
             _, cost = self.tracer.trace(xy[first : first + BATCH], 0.0, 0)
             rays += cost.primary + cost.shadow + cost.secondary
-        self.tracer.works[0], n = work, int(record.asked[0])
+        self.tracer.instances.trees, n = trees, int(record.asked[0])
         if n > room or rays != np.count_nonzero(record.valid[:n]):
             raise RunError(f"measuring: {n} packets with {rays} rays were traced, which the room for {room} lacks")
         short = (record.packets[:n], record.valid[:n], record.shadow[:n], record.flags[:n])

@@ -59,7 +59,7 @@ def record_query(recording, shadow, valid, first, work):
 def closest_hits(trees, work):
     """Finds the nearest hits of the packet's valid lanes."""
     rays, flags = work.packet.ctypes.data, begin_query(work)
-    record_query(work.recording, False, work.valid, 0, work)
+    record_query(trees.recording, False, work.valid, 0, work)
     intersect16(work.valid.ctypes.data, trees.at_rest, rays, work.arguments.ctypes.data)
     if trees.moving != 0:
         closer_hits_of_moving(trees, rays, work)
@@ -85,7 +85,7 @@ def any_hits(trees, work):
     p, valid = work.packet, work.shadow_valid
     rays, flags = p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments[0]
     work.arguments[0] = INCOHERENT  # is faster, of whatever rays
-    record_query(work.recording, True, valid, SHADOW_PACKET, work)
+    record_query(trees.recording, True, valid, SHADOW_PACKET, work)
     occluded16(valid.ctypes.data, trees.at_rest, rays, work.arguments.ctypes.data)
     if trees.moving != 0:
         occluded16(valid.ctypes.data, trees.moving, rays, work.arguments.ctypes.data)

@@ -76,16 +76,27 @@ MATERIAL = np.dtype(
 )
 
 
+class Recording(NamedTuple):
+    """What Embree was asked, in order, with room for n packets of rays: for measuring alone."""
+
+    packets: NDArray[np.uint32]  # (n, RAY_HIT_FLOATS) bits, 64-byte aligned
+    valid: NDArray[np.int32]  # (n, 16) -1 or 0, likewise aligned
+    shadow: NDArray[np.bool_]  # (n,) asked for anything in the way, not for the nearest hit
+    flags: NDArray[np.uint32]  # (n,) of the query
+    asked: NDArray[np.int64]  # (1,) queries so far, also beyond the room
+
+
 class Trees(NamedTuple):
     """What rays may meet: Embree's trees over the instances, and planes that cut the scene open; for one thread.
 
-    The planes are here and not in Workspace, which all kernels take: these are compiled once for scenes of both kinds.
+    What only some runs have is here and not in Workspace, which all kernels take: these are compiled once for all runs.
     """
 
     at_rest: int  # handle of the tree whose instances have their own numbers
     moving: int  # handle of a tree over those that move, where rebuilding the other would take long; 0: there is none
     objects: NDArray[np.uint32]  # (m,) numbers of the instances in `moving`
     cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
+    recording: Recording | None = None  # of queries; None: nobody measures
 
 
 class RayFrame(NamedTuple):
@@ -227,16 +238,6 @@ class Lights(NamedTuple):
     sky_irradiance: Float32  # (SKY_STEPS + 1, 3) over pi, by the normal's height
 
 
-class Recording(NamedTuple):
-    """What Embree was asked, in order, with room for n packets of rays: for measuring alone."""
-
-    packets: NDArray[np.uint32]  # (n, RAY_HIT_FLOATS) bits, 64-byte aligned
-    valid: NDArray[np.int32]  # (n, 16) -1 or 0, likewise aligned
-    shadow: NDArray[np.bool_]  # (n,) asked for anything in the way, not for the nearest hit
-    flags: NDArray[np.uint32]  # (n,) of the query
-    asked: NDArray[np.int64]  # (1,) queries so far, also beyond the room
-
-
 class WaitingRays(NamedTuple):
     """Rays that mirrors send on, until a packet of them is full, see mirrors.py."""
 
@@ -256,4 +257,3 @@ class Workspace(NamedTuple):
     hit_before: NDArray[np.uint32]  # (16,) scratch of trees.closest_hits
     counts: NDArray[np.int64]  # (4,) PRIMARY_RAYS ... BAD_SAMPLES
     waiting: WaitingRays
-    recording: Recording | None = None  # of queries; None: nobody measures
