@@ -19,7 +19,7 @@ from wall.run.single_process import SingleProcess, Wire
 from wall.study.quality.metrics import display_values
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
-WIDTH, HEIGHT = 64, 36  # so few that at 4 Hz pixels are complete before the first refresh
+WIDTH, HEIGHT = 48, 27  # so few that at 4 Hz pixels are complete before the first refresh
 CONFIG = """\
 version: 1
 scene: {{source: courtyard, animation: []}}

@@ -23,7 +23,7 @@ CONFIGS = sorted((Path(__file__).parents[2] / "configs").rglob("*.yaml"))
 TOO_LARGE = {"large"}  # 90 processes and 307 million pixels: drawn, checked and expanded by other tests
 SHIPPED = [path for path in CONFIGS if path.parent.name != "measure" and path.stem not in TOO_LARGE]
 # The others run as threads of one process, at a quarter of the cost: imports and kernels are loaded once
-SECONDS = 0.3, 3.0, 10.0  # of a run; those behind the first only on a machine so busy that it shows nothing
+SECONDS = 0.1, 1.0, 3.0, 10.0  # of a run; those behind the first only on a machine so busy that it shows nothing
 AS_PROCESSES = {"demo", "two_compositors", "mixed_sinks"}
 
 

@@ -107,8 +107,9 @@ def changes(
         yield differs
 
 
-@pytest.mark.parametrize("lights", [(SUN,), (LAMP,), (SPOT,), (SUN, LAMP)], ids=["sun", "lamp", "spot", "both"])
-@pytest.mark.parametrize("mirror", [0.0, 0.6])
+@pytest.mark.parametrize(
+    ("lights", "mirror"), [((SUN,), 0.0), ((SPOT,), 0.6), ((SUN, LAMP), 0.6)], ids=["sun", "spot", "sun and lamp"]
+)
 def test_no_pixel_that_changes_is_settled(lights: tuple[Light, ...], mirror: float, compiled_only: None) -> None:
     scene = court(*lights, mirror=mirror)
     image, changed, shares = image_that_settles(scene), 0, []

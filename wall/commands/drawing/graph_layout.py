@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -196,7 +196,7 @@ class _LayoutSearch:
         away = [
             self._middle[other] - self._middle[item] for item in own for other in self._near[item] if other not in own
         ]
-        return float(np.mean(away)) if away else 0.0
+        return sum(away) / len(away) if away else 0.0
 
     def _barycentre(self, cluster: Cluster) -> int:
         """A cluster's barycentre, rounded so that clusters with nearly the same keep their order."""
@@ -211,17 +211,17 @@ class _LayoutSearch:
                     self._middle.setdefault(item, (low + high) / 2)
                 wanted = {item: self._neighbour_mean(item) for item in items}
                 items.sort(key=lambda item: wanted[item])
-                half = np.array([self._heights[item] / 2 for item in items])
-                steps = np.concatenate([[0.0], half[:-1] + half[1:] + ROW_GAP]).cumsum()
+                half = [self._heights[item] / 2 for item in items]
+                steps = [*accumulate((a + b + ROW_GAP for a, b in pairwise(half)), initial=0.0)]
                 level = _isotonic([wanted[item] - step for item, step in zip(items, steps, strict=True)])
                 bottom = high - half[-1] - steps[-1]
                 for item, base, step in zip(items, level, steps, strict=True):
-                    self._middle[item] = float(min(max(base, low + half[0]), bottom) + step)
+                    self._middle[item] = min(max(base, low + half[0]), bottom) + step
 
     def _neighbour_mean(self, item: Item) -> float:
         """The mean position of an item's neighbours, its own if it has none."""
         near = [self._middle[other] for other in self._near[item] if other in self._middle]
-        return float(np.mean(near)) if near else self._middle[item]
+        return sum(near) / len(near) if near else self._middle[item]
 
     def _cost(self) -> float:
         """The length of edges from top to bottom, mm, plus CROSSING_MM for each crossing."""
