@@ -91,7 +91,7 @@ class TransportConfig(Model):
     standby: Flag = Field(
         default=False,
         description="when the head dies another one takes its place and the wall goes on, three times a minute at "
-        "most; not under MPI",
+        "most; not where its machine dies",
     )
 
     @property

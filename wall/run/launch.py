@@ -45,7 +45,7 @@ from wall.run.ranks import serve
 from wall.run.recording import begin_recording, check_unused
 from wall.run.same_files import check_same
 from wall.run.sinks import check_page, import_page
-from wall.run.standby import Stand
+from wall.run.standby import LaunchedStand, Stand
 from wall.run.succession import Preparer
 from wall.run.turns import Turns
 from wall.run.usage import give_memory_back
@@ -114,16 +114,12 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         )  # fmt: skip
 
     transport = layout.config.transport
-    if transport.standby:
-        if not (kept := options.record or options.images):
-            if not options.headless:
-                import_page(plan)
-            say(f"starting {layout.size} processes")
-            return Stand(
-                layout.size, main, lambda head: lead(plan, head, Preparer(plan, machines), options, say, opened),
-                encrypted=transport.encrypted, patience_s=head_lost_s(transport),
-            ).run()  # fmt: skip
-        say(f"note: transport.standby: no head takes another's place, which could not go on with {kept}")
+    if stands_by(plan, options, say):
+        say(f"starting {layout.size} processes")
+        return Stand(
+            layout.size, main, lambda head: lead(plan, head, Preparer(plan, machines), options, say, opened),
+            encrypted=transport.encrypted, patience_s=head_lost_s(transport),
+        ).run()  # fmt: skip
     bootstrap: Bootstrap
     if transport.kind == "loopback":
         say(f"starting {layout.size} threads")
@@ -170,8 +166,6 @@ def _run_launched(
         layout, say if bootstrap.rank == HEAD else lambda line: None, headless=options.headless,
         cores=cores, ranks=_on(socket.gethostname(), by_rank),
     )  # fmt: skip
-    if layout.config.transport.standby and bootstrap.rank == HEAD:
-        say("note: transport.standby: under MPI no head takes another's place")
     if options.record is not None and bootstrap.rank == HEAD:
         begin_recording(options.record, plan)
     preparer = Preparer(plan, by_rank)
@@ -181,7 +175,24 @@ def _run_launched(
             headless=options.headless, out=options.out, record=options.record,
         )  # fmt: skip
         return None
-    return lead(plan, bootstrap, preparer, options, say, opened)
+    if not stands_by(plan, options, say):
+        return lead(plan, bootstrap, preparer, options, say, opened)
+    return LaunchedStand(
+        bootstrap, lambda head: lead(plan, head, preparer, options, say, opened),
+        patience_s=head_lost_s(layout.config.transport),
+    ).run()  # fmt: skip
+
+
+def stands_by(plan: Plan, options: Options, say: Callable[[str], None]) -> bool:
+    """Whether this process is to fork a head, and another one where that dies; ready for it then, else says why not."""
+    if not plan.layout.config.transport.standby:
+        return False
+    if kept := options.record or options.images:
+        say(f"note: transport.standby: no head takes another's place, which could not go on with {kept}")
+        return False
+    if not options.headless:
+        import_page(plan)
+    return True
 
 
 def _placed(layout: Layout, launched: Bootstrap, machines: Sequence[str]) -> tuple[tuple[int, ...], Bootstrap]:

@@ -2,21 +2,19 @@
 
 That process has the scene and the kernels of the start, no thread and no socket. It hands on what the head says, tells
 it of ranks that have ended, and forks the next head where one dies by a signal. What a head knows and nobody else, it
-keeps writing down in memory that it shares with its parent.
+keeps writing down in memory that it shares with its parent. Under MPI it forks heads alone: mpirun has made the ranks,
+and watches them.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-import mmap
 import os
 import pickle
 import signal
-import struct
 import sys
 import time
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -28,61 +26,22 @@ from typing import Any, Generic, TypeVar
 from wall.core.errors import ConfigError, RunError, WallError
 from wall.roles.legacy import Legacy
 from wall.roles.plan import HEAD
+from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import STOP_WAIT_S, LocalBootstrap, as_rank
 from wall.run.children import Children, PipeEnd, belong_to, how_ended
 from wall.run.control_file import new_key
 from wall.run.endings import REASONS, leave_to_head
+from wall.run.shared_state import MOST_BYTES, SharedState
 from wall.run.sinks import PageAt
 from wall.transport.curve import Keys
 
 MOST_HEADS, WITHIN_S = 3, 60.0  # another one takes over so often; after that its death ends the run
-MOST_BYTES = 1 << 20  # of what a head leaves
 WRITE_S = 0.1  # between two copies of it
 FROZEN_SHARE = 0.5  # of the time after which ranks give up without a head: it is killed if it did nothing for so long
 FROZEN_AGAIN_S = 600.0  # a head that stands still so soon after another one did ends the run
+TOLD_WAIT_S = 180.0  # for ranks that a launcher made, which load and compile: more than they are given for it
 AWAKE_S = 0.5  # a signal that another thread of this process takes does not end a wait: it is passed on after it
-_PLACE = struct.Struct("<QII")  # count, bytes, checksum
-_SIGN = struct.Struct("<Q")
 T = TypeVar("T")
-
-
-class SharedState:
-    """The newest of some bytes that one process writes, and another one reads once the first is dead.
-
-    They have two places in turn, so that one that was not written to its end leaves the one before.
-    """
-
-    def __init__(self) -> None:
-        self._sign = 2 * (_PLACE.size + MOST_BYTES)  # where signs of life are counted
-        self._memory, self._count = mmap.mmap(-1, self._sign + _SIGN.size), 0
-
-    def write(self, data: bytes) -> bool:
-        """Put bytes in place of those before. Returns whether there was room; a sign of life is given anyway."""
-        _SIGN.pack_into(self._memory, self._sign, self.signs + 1)
-        if len(data) > MOST_BYTES:
-            return False
-        self._count += 1
-        start = (self._count % 2) * (_PLACE.size + MOST_BYTES)
-        body = start + _PLACE.size
-        self._memory[body : body + len(data)] = data
-        _PLACE.pack_into(self._memory, start, self._count, len(data), zlib.crc32(data, self._count))
-        return True
-
-    @property
-    def signs(self) -> int:
-        """How often the writer gave a sign of life."""
-        return int(_SIGN.unpack_from(self._memory, self._sign)[0])
-
-    def read(self) -> bytes | None:
-        """The newest whole ones; None where there are none. Who reads may write from then on."""
-        found = dict[int, bytes]()
-        for start in (0, _PLACE.size + MOST_BYTES):
-            count, size, check = _PLACE.unpack_from(self._memory, start)
-            data = self._memory[start + _PLACE.size : start + _PLACE.size + min(size, MOST_BYTES)]
-            if count and zlib.crc32(data, count) == check:
-                found[count] = data
-        self._count = max(found, default=0)
-        return found.get(self._count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,12 +63,19 @@ class Estate:
 
 
 class StandbyBootstrap:
-    """The head's side. It is rank 0, and its parent has forked the others."""
+    """The head's side. It is rank 0, and its parent has forked the others, or tells those that were launched."""
 
-    killed_soon, rank = False, HEAD
+    rank = HEAD
 
-    def __init__(self, size: int, pipe: Connection, keys: Keys | None, state: SharedState, key: str, how: str) -> None:
-        """`key`: of the run's requests, the same for all heads; `how`: the head before died, "" for the first."""
+    def __init__(
+        self, size: int, pipe: Connection, keys: Keys | None, state: SharedState, key: str, how: str,
+        *, launched: bool = False,
+    ) -> None:  # fmt: skip
+        """`key`: of the run's requests, the same for all heads; `how`: the head before died, "" for the first.
+
+        `launched`: mpirun has made the other ranks.
+        """
+        self.killed_soon = launched
         self.size, self.keys, self.key, self.how = size, keys, key, how
         self._pipe, self._state, self._due = pipe, state, 0.0
         self._left: Legacy | None = None
@@ -124,6 +90,8 @@ class StandbyBootstrap:
         if self.estate is not None:
             return self.estate.where.address
         self._say("address", text)
+        if self.killed_soon:  # they load and compile by themselves: who is not ready yet is not silent
+            self._wait_for("told", TOLD_WAIT_S)
         return text
 
     def end(self) -> None:
@@ -157,22 +125,27 @@ class StandbyBootstrap:
     def start_again(self, rank: int, text: str) -> bool:
         """Start a rank that is dead once more; it gets `text` as a broadcast. Returns whether that can be tried."""
         self._ended.pop(rank, None)
-        return self._say("fork", rank, text)
+        return not self.killed_soon and self._say("fork", rank, text)
 
     def finish(self, *, told: bool = True) -> None:
         """Let all ranks end, and wait for that; at once where nobody told them to."""
         if self._finished or not self._say("finish", told):
             return
-        limit = time.monotonic() + 2 * STOP_WAIT_S
-        with contextlib.suppress(OSError, EOFError):
-            while not self._finished and self._pipe.poll(max(0.0, limit - time.monotonic())):
-                self._take(self._pipe.recv())
+        self._wait_for("finished", 2 * STOP_WAIT_S)
 
-    def _take(self, said: tuple[Any, ...]) -> None:
+    def _wait_for(self, word: str, seconds: float) -> None:
+        """Take in what the parent says until it says this, or is not there."""
+        limit = time.monotonic() + seconds
+        with contextlib.suppress(OSError, EOFError):
+            while self._pipe.poll(max(0.0, limit - time.monotonic())) and self._take(self._pipe.recv()) != word:
+                pass
+
+    def _take(self, said: tuple[Any, ...]) -> str:
+        """Returns the first word."""
         if said[0] == "ended":
             self._ended[said[1]] = said[2]
-        else:
-            self._finished = True
+        self._finished |= said[0] == "finished"
+        return str(said[0])
 
     def _say(self, *words: object) -> bool:
         try:
@@ -184,6 +157,8 @@ class StandbyBootstrap:
 
 class Stand(Generic[T]):
     """The parent's side: forks heads and ranks until a head comes to an end of its own."""
+
+    _launched: Bootstrap | None = None  # this process, where a launcher has made it and the ranks
 
     def __init__(
         self, size: int, main: Callable[[LocalBootstrap], None], head: Callable[[StandbyBootstrap], T], *,
@@ -220,8 +195,7 @@ class Stand(Generic[T]):
                 for number, handler in self._before.items():
                     if handler is signal.SIG_IGN:
                         signal.signal(number, handler)
-                for rank in range(1, self._size):
-                    self._writers[rank] = self._children.fork(rank, list(self._writers.values()))
+                self._fork_ranks()
                 self._begin("")
             while self._children.processes:
                 self._turn()
@@ -234,14 +208,21 @@ class Stand(Generic[T]):
         assert self._came is not None
         return self._came
 
+    def _fork_ranks(self) -> None:
+        for rank in range(1, self._size):
+            self._writers[rank] = self._children.fork(rank, list(self._writers.values()))
+
     def _begin(self, how: str) -> None:
         """Fork a head; `how`: the one before died."""
         self._first_sign = self._state.signs
         ours, its = Pipe()
         others = [ours, *self._writers.values(), *filter(None, [self._pipe])]
-        args = (self._size, its, self._keys[HEAD], self._state, self._key, how)
+        make = partial(
+            StandbyBootstrap, self._size, its, self._keys[HEAD], self._state, self._key, how,
+            launched=self._launched is not None,
+        )  # fmt: skip
         with _later():  # what would end the run finds this head
-            self._children.start(HEAD, _be_head, args, others, self._head, os.getpid(), self._before)
+            self._children.start(HEAD, _be_head, make, others, self._head, os.getpid(), self._before)
         its.close()
         if self._pipe is not None:
             self._pipe.close()
@@ -360,6 +341,22 @@ class Stand(Generic[T]):
                 os.kill(pid, number)
 
 
+class LaunchedStand(Stand[T]):
+    """The parent's side where a launcher has made the ranks: this process is the head's rank, and forks heads alone."""
+
+    def __init__(self, launched: Bootstrap, head: Callable[[StandbyBootstrap], T], *, patience_s: float) -> None:
+        """`head`, `patience_s`: see Stand."""
+        super().__init__(launched.size, lambda bootstrap: None, head, encrypted=False, patience_s=patience_s)
+        self._keys, self._launched, self._tells = [launched.keys], launched, launched.broadcast
+
+    def _fork_ranks(self) -> None:
+        """They are there."""
+
+    def _address(self, text: str) -> None:
+        self._tells(text)
+        self._tell("told")
+
+
 @contextlib.contextmanager
 def _later() -> Iterator[None]:
     """While inside, what would end the run waits."""
@@ -378,14 +375,14 @@ def _be_rank(main: Callable[[LocalBootstrap], None], bootstrap: LocalBootstrap) 
 
 
 def _be_head(
-    args: tuple[Any, ...], others: list[Connection], head: Callable[[StandbyBootstrap], object], parent: int,
-    handlers: dict[signal.Signals, Any], siblings: set[PipeEnd],
+    make: Callable[[], StandbyBootstrap], others: list[Connection], head: Callable[[StandbyBootstrap], object],
+    parent: int, handlers: dict[signal.Signals, Any], siblings: set[PipeEnd],
 ) -> None:  # fmt: skip
     """A forked head: tells its parent what came of it."""
     belong_to(parent, others, siblings)
     for number, handler in handlers.items():
         signal.signal(number, handler)
-    bootstrap = StandbyBootstrap(*args)
+    bootstrap = make()
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, REASONS)
         came = head(bootstrap)

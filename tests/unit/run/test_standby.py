@@ -16,8 +16,9 @@ from manager_run import TEXT, plan_of
 
 from wall.core.errors import RunError
 from wall.run import standby
+from wall.run.shared_state import MOST_BYTES, SharedState
 from wall.run.sinks import PageAt, make_metrics_server
-from wall.run.standby import MOST_BYTES, SharedState, Stand, StandbyBootstrap
+from wall.run.standby import Stand, StandbyBootstrap
 
 
 def left(text: str = "") -> Any:

@@ -94,11 +94,11 @@ def faults_of(layout: Layout, hosts: int = 0) -> list[Fault]:
     kinds = [
         Fault(kind=kind, role=role, rank=rank) for role, rank in there.items() for kind in (KILLED, FROZEN, SLOWED)
     ]
-    head = Fault(kind=KILLED, role="head", rank=HEAD)
+    heads = [Fault(kind=kind, role="head", rank=HEAD) for kind in (KILLED, REPLACED)]
     if not hosts:
-        return [*kinds, head, Fault(kind=REPLACED, role="head", rank=HEAD), Fault(kind=FULL, role="", rank=None)]
+        return [*kinds, *heads, Fault(kind=FULL, role="", rank=None)]
     network = [Fault(kind=kind, role="host", rank=layout.size - 1) for kind in (CUT, SLOW_LINK)]
-    return [*kinds, *network[: 2 * (hosts > 1)], head]
+    return [*kinds, *network[: 2 * (hosts > 1)], *heads]
 
 
 def measure(config: Path, *, seconds: float, hosts: int = 0, out: Path, say: Say) -> list[Row]:
