@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -74,6 +75,12 @@ def renderers_of(run: subprocess.Popen[str]) -> list[int]:
     return session_of(run.pid)[1:]
 
 
+def shared_memory_of(run: subprocess.Popen[str]) -> set[Path]:
+    """Files of it that a run's processes have; of other tests' runs there may be some, too."""
+    maps = [Path(f"/proc/{pid}/maps").read_text() for pid in session_of(run.pid)]
+    return {Path(path) for path in re.findall(r"/dev/shm/\S+$", "".join(maps), re.MULTILINE)}
+
+
 def wait_a_little() -> None:
     signal.sigtimedwait([], 0.05)
 
@@ -93,7 +100,6 @@ def test_ctrl_c_ends_a_run_in_order(tmp_path: Path, running: Callable[..., subpr
     config = write_config(tmp_path, columns=2, path=ORBIT)
     run = running("run", config, "--headless", "--out", tmp_path / "out")
     renderers(run)
-    before = set(os.listdir("/dev/shm"))
 
     os.killpg(run.pid, signal.SIGINT)  # what a terminal does
     wait_a_little()
@@ -102,7 +108,6 @@ def test_ctrl_c_ends_a_run_in_order(tmp_path: Path, running: Callable[..., subpr
 
     assert run.wait(1) == 0
     assert summary(tmp_path / "out")["ended"] == "interrupted"
-    assert set(os.listdir("/dev/shm")) <= before
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "log", "panel-r0c0.png", "panel-r0c1.png", "summary.json", "wall.png",
     ]  # fmt: skip
@@ -257,11 +262,11 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
     config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
-    before = set(os.listdir("/dev/shm"))
     options = ("--with-ft", "ulfm", "--prtemca", "prte_tmpdir_base", str(tmp_path))  # what a killed mpirun leaves
     run = running("run", config, "--headless", "--out", tmp_path / "out", launcher=mpirun(3, *options))
     read_until(run, "running (Ctrl-C")
     (victim,) = (pid for pid in session_of(run.pid) if environment_of(pid).get("OMPI_COMM_WORLD_RANK") == "1")
+    memory = shared_memory_of(run)
 
     os.kill(victim, signal.SIGKILL)
     time.sleep(2.0)  # longer than lost_after_s
@@ -276,7 +281,7 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
     assert found["ended"] == "terminated"
     assert found["ranks"][2]["samples_traced"] > 0
     assert panels(tmp_path / "out")[1].std() > 10
-    assert set(os.listdir("/dev/shm")) <= before
+    assert not any(file.exists() for file in memory)
 
 
 def samples_of(address: str, rank: int) -> int:
@@ -289,13 +294,15 @@ def samples_of(address: str, rank: int) -> int:
 def test_a_signal_to_mpirun_leaves_all_results(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]], number: signal.Signals
 ) -> None:
-    config, out, before = write_config(tmp_path, path=ORBIT), tmp_path / "out", set(os.listdir("/dev/shm"))
+    config, out = write_config(tmp_path, path=ORBIT), tmp_path / "out"
     config.write_text(config.read_text().replace("sinks: [png]", "sinks: [browser, png]"))
     run = running("run", config, "--out", out, launcher=mpirun(2))
     address, limit = page_of(run), time.monotonic() + START_LIMIT_S
     while shown(address).std() <= 10 or samples_of(address, rank=1) <= 64 * 48:
         assert time.monotonic() < limit
         wait_a_little()
+    memory = shared_memory_of(run)
+    assert memory, "ranks of MPI on one machine share some"
     os.kill(run.pid, number)
     until_gone(run)
     # by the process that writes the results, which is not of the session
@@ -305,7 +312,7 @@ def test_a_signal_to_mpirun_leaves_all_results(
     assert found["ranks"][1]["samples_traced"] > 64 * 48
     assert panels(out)[0].std() > 10
     assert {path.name for path in out.iterdir()} == {"log", "panel-r0c0.png", "summary.json", "wall.png"}
-    assert set(os.listdir("/dev/shm")) <= before
+    assert not any(file.exists() for file in memory)
 
 
 def environment_of(pid: int) -> dict[str, str]:
