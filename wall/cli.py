@@ -340,6 +340,7 @@ def convert(
     """
     from wall.importers import command
 
+    command.check_outputs(file, output, report)
     chosen, conversion, yaml = command.convert_file(file, format_name, f"{output.stem}_files")
     command.write_conversion(output, yaml, conversion)
     if report is not None:

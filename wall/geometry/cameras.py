@@ -23,6 +23,7 @@ from wall.geometry.twist import rotation_by
 AUTO_AZIMUTH = math.radians(30.0)  # a scene seen from its front right and a little above shows three sides
 AUTO_ELEVATION = math.radians(20.0)
 NEAREST_TARGET = 0.1  # radii of the scene, where a named camera has nothing ahead
+NARROWEST_UNION = 0.6  # of the cone into one panel: so narrow a cone into several side by side is as good
 WIDEST_CONE = math.radians(80.0)  # beyond it the eye would stand inside the scene
 
 
@@ -275,14 +276,19 @@ def _named(loaded: Loaded, view: int, name: str, cameras: Sequence[NamedCamera])
 def framed(
     wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Float64, direction: ArrayLike | None = None
 ) -> Camera:
-    """The camera that sees a sphere (world) whole: in a flat wall, else in the panel before the eye.
+    """The camera that sees a sphere (world) whole: in a flat wall, else in the panels before the eye.
 
-    The centre is seen in the middle of that rectangle, along `direction` (3,), by default from 30 degrees to the right
-    and 20 degrees above.
+    These are those that are about as near to straight ahead as the nearest one, side by side, or this one alone, where
+    much more room is in it. The centre is seen in the middle, along `direction` (3,), by default from 30 degrees to the
+    right and 20 degrees above.
     """
-    corners = wall.window_ahead(eye)
-    axis = _unit((corners[1] + corners[2]) / 2 - eye, otherwise=(0.0, 0.0, -1.0))
-    half_angle = min(cone_inside(corners, eye, axis), WIDEST_CONE)
+    windows = wall.windows_ahead(eye)
+    cones = []
+    for some in (windows[:1], windows):
+        ways = [_unit((corners[1] + corners[2]) / 2 - eye, otherwise=(0.0, 0.0, -1.0)) for corners in some]
+        axis = _unit(np.mean(ways, axis=0), otherwise=(0.0, 0.0, -1.0))
+        cones.append((min(cone_inside(some, eye, axis), WIDEST_CONE), axis))
+    half_angle, axis = cones[0] if cones[1][0] < NARROWEST_UNION * cones[0][0] else cones[1]
     size = radius if radius > 0 and math.isfinite(radius) else 1.0
     distance = size / math.sin(half_angle)
     if direction is None:

@@ -6,6 +6,8 @@ direction of a pixel is linear in its coordinates; three vectors hold the whole 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -62,22 +64,28 @@ def distance_before(panel: Panel, eye: ArrayLike) -> float:
     return float((np.asarray(eye, dtype=np.float64) - panel.corners[0]) @ panel.plane.normal)
 
 
-def cone_inside(corners: Float64, eye: ArrayLike, axis: Float64) -> float:
-    """Half angle (radians) of the widest cone about an axis from the eye that stays in a rectangle.
+def cone_inside(rectangles: Sequence[Float64], eye: ArrayLike, axis: Float64) -> float:
+    """Half angle (radians) of the widest cone about an axis from the eye that stays in rectangles side by side.
 
-    Exact: the angle to the nearest of the four planes through the eye and an edge. Not positive if the axis
-    itself leaves the rectangle.
+    Exact: the angle to the nearest of the planes through the eye and an edge, but for edges where another rectangle
+    begins: its edge's middle is nearer than a quarter of the edge. Not positive if the axis itself leaves them.
 
     Parameters
     ----------
-    corners : (3, 3) float64, rows lower left, lower right, upper left; metres, wall frame
+    rectangles : (3, 3) float64 each, rows lower left, lower right, upper left; metres, wall frame
     eye : (3,) metres, wall frame
     axis : (3,) float64, unit, wall frame
     """
-    lower_left, lower_right, upper_left = corners - np.asarray(eye, dtype=np.float64)
-    around = [lower_left, lower_right, lower_right + upper_left - lower_left, upper_left]
+    edges = []  # of which rectangle, and its ends
+    for number, corners in enumerate(rectangles):
+        lower_left, lower_right, upper_left = corners - np.asarray(eye, dtype=np.float64)
+        around = [lower_left, lower_right, lower_right + upper_left - lower_left, upper_left]
+        edges += [(number, ends) for ends in zip(around, around[1:] + around[:1], strict=True)]
     angles = []
-    for start, end in zip(around, around[1:] + around[:1], strict=True):
+    for number, (start, end) in edges:
+        near = np.linalg.norm(end - start) / 4.0
+        if any(np.linalg.norm(sum(ends) - start - end) / 2.0 < near for other, ends in edges if other != number):
+            continue
         inward = np.cross(end, start)  # counterclockwise edges, seen from the eye
         angles.append(float(np.arcsin(np.clip(inward @ axis / np.linalg.norm(inward), -1.0, 1.0))))
-    return min(angles)
+    return min(angles, default=0.0)

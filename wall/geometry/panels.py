@@ -181,10 +181,22 @@ class Wall:
 
         All of a flat wall; of another the panel nearest to straight ahead (-z of the wall's frame).
         """
+        return self.windows_ahead(eye)[0]
+
+    def windows_ahead(self, eye: Float64) -> list[Float64]:
+        """(3, 3) each as of `window_ahead`, that one first, then panels that are about as near to straight ahead.
+
+        Their middles are further from it by less than a third of the angle that the first one is wide.
+        """
         if self.flat:
-            return self.outline
-        middles = np.array([(panel.corners[1] + panel.corners[2]) / 2 - eye for panel in self.panels])
-        return self.panels[int(np.argmin(middles[:, 2] / np.linalg.norm(middles, axis=1)))].corners
+            return [self.outline]
+        corners = np.array([panel.corners for panel in self.panels]) - eye
+        middles = (corners[:, 1] + corners[:, 2]) / 2
+        away = np.arccos(np.clip(-middles[:, 2] / np.linalg.norm(middles, axis=1), -1.0, 1.0))
+        order = np.argsort(away, kind="stable")
+        left, right = corners[order[0], :2] / np.linalg.norm(corners[order[0], :2], axis=1, keepdims=True)
+        most = away[order[0]] + np.arccos(np.clip(left @ right, -1.0, 1.0)) / 3
+        return [self.panels[k].corners for k in order if away[k] <= most]
 
     def whole(self) -> Whole | None:
         """The wall as one image, as finely as its finest panel; None if it is not flat, or is seen from several eyes.

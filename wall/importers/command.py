@@ -118,6 +118,14 @@ def _around(what: str) -> Iterator[str]:
     return (name[:k] for k, ch in enumerate(name) if ch in ".[")
 
 
+def check_outputs(source: Path, *outputs: Path | None) -> None:
+    """Refuse to write over the file that is read, before anything is. Raises ConfigError."""
+    for path in outputs:
+        with contextlib.suppress(OSError):
+            if path is not None and path.samefile(source):
+                raise ConfigError(f"{path}: is the file that is to be converted; wanted: another one to write")
+
+
 def write_report(path: Path, conversion: Conversion) -> None:
     """Write the report as JSON. Raises ConfigError if it cannot be written."""
     write(path, json.dumps(conversion.as_json(), indent=2, ensure_ascii=False) + "\n")

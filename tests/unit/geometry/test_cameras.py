@@ -25,6 +25,15 @@ panels:
     - {id: a, pixels: [40, 30], corners: {lower_left: [-0.4, 0, 0], lower_right: [0, 0, 0], upper_left: [-0.4, 0.3, 0]}}
     - {id: b, pixels: [40, 30], corners: {lower_left: [0, 0, 0], lower_right: [0, 0, 0.4], upper_left: [0, 0.3, 0]}}
 """
+SEAM = """\
+panels:
+    - id: a
+      pixels: [160, 120]
+      corners: {lower_left: [-1.15, -0.45, -0.3], lower_right: [0, -0.45, -0.6], upper_left: [-1.15, 0.45, -0.3]}
+    - id: b
+      pixels: [160, 120]
+      corners: {lower_left: [0, -0.45, -0.6], lower_right: [1.15, -0.45, -0.3], upper_left: [0, 0.45, -0.6]}
+"""
 
 
 def configured(view: str, wall: str = GRID) -> tuple[Loaded, Wall]:
@@ -131,6 +140,22 @@ def test_automatic_camera_before_a_corner_sees_the_scene_in_the_panel_ahead() ->
     xy, _ = project(wall.panels[0], view.eye, view.camera_at(0.0), [[1, 2, 3]])
 
     assert_allclose(xy[0], [20, 15], atol=1e-9)
+
+
+@pytest.mark.parametrize("eye", [(0.0, 0.0, 1.0), (0.05, 0.1, 0.9), (-0.02, -0.1, 1.2)])
+def test_an_automatic_camera_before_the_seam_of_two_panels_sees_the_scene_whole_across_it(
+    eye: tuple[float, float, float],
+) -> None:
+    loaded, wall = configured(f"eye: {list(eye)}, camera: auto", SEAM)
+    view = resolve_view(loaded, wall, (1, 2, 3), 2.0)
+    around = np.random.default_rng(1).normal(size=(4000, 3))
+    points = np.array([1, 2, 3]) + 2.0 * around / np.linalg.norm(around, axis=1, keepdims=True)
+    inside = np.zeros((2, len(points)), bool)
+    for each, panel in zip(inside, wall.panels, strict=True):
+        xy, _ = project(panel, view.eye, view.camera_at(0.0), points)
+        each[:] = ((xy > 0) & (xy < panel.pixels)).all(axis=1)
+    assert inside.any(axis=0).all()
+    assert inside.sum(axis=1).min() > 1000, "it is not in one of them alone"
 
 
 def test_wall_that_is_not_flat_needs_an_eye() -> None:

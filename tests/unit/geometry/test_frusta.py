@@ -145,5 +145,5 @@ def test_widest_cone_in_a_square_window_is_half_its_angle() -> None:
     # a square of 2 x 2 seen from 1 before its middle spans 90 degrees each way
     square = np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0]])
 
-    assert cone_inside(square, (0, 0, 1), np.array([0.0, 0, -1])) == pytest.approx(np.pi / 4)
-    assert cone_inside(square, (0, 0, 1), np.array([1.0, 0, 0])) < 0
+    assert cone_inside([square], (0, 0, 1), np.array([0.0, 0, -1])) == pytest.approx(np.pi / 4)
+    assert cone_inside([square], (0, 0, 1), np.array([1.0, 0, 0])) < 0

@@ -164,6 +164,19 @@ def test_the_command_writes_yaml_that_says_where_it_is_from_and_a_report(
     assert "1 panels, 1 ranks" in said
 
 
+@pytest.mark.parametrize("words", [("-o", "cave.pvx"), ("-o", "wall.yaml", "--report", "./cave.pvx")])
+def test_the_file_that_is_read_is_not_written_over(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = f'<pvx>\n<Machine Name="a" {SCREEN}/>\n</pvx>'
+    Path("cave.pvx").write_text(text)
+    assert run("convert", "cave.pvx", *words, monkeypatch=monkeypatch) == 2
+    assert "is the file that is to be converted" in " ".join(capsys.readouterr().err.split())
+    assert Path("cave.pvx").read_text() == text
+    assert not Path("wall.yaml").exists()
+
+
 @pytest.mark.parametrize(
     ("name", "data", "words", "says"),
     [
