@@ -211,7 +211,7 @@ class ParameterKeyframeConfig(Model):
 
     time: Seconds = Field(description="seconds of the animation")
     value: Coordinate | Annotated[tuple[Coordinate, ...], Field(min_length=1, max_length=16)] = Field(
-        description="number, or numbers, as `wall set` takes them"
+        description="number, which counts for all of several, or numbers, as `wall set` takes them"
     )
 
 
@@ -228,15 +228,20 @@ class ParameterConfig(Model):
     @model_validator(mode="after")
     def _times_grow(self) -> ParameterConfig:
         check_times([k.time for k in self.keyframes])
-        counts = [len(k.value) if isinstance(k.value, tuple) else 1 for k in self.keyframes]
+        counts = [len(numbers) for numbers in self.numbers]
         for i, count in enumerate(counts):
-            if count != counts[0]:
+            if count not in (1, max(counts)):
                 raise refusal(
-                    f"has {count} numbers, the first keyframe {counts[0]}",
-                    accepted="as many numbers in each",
+                    f"has {count} numbers, another keyframe {max(counts)}",
+                    accepted="as many numbers in each, or one that counts for all",
                     at=("keyframes", i, "value"),
                 )
         return self
+
+    @property
+    def numbers(self) -> list[tuple[float, ...]]:
+        """Of each keyframe."""
+        return [k.value if isinstance(k.value, tuple) else (k.value,) for k in self.keyframes]
 
 
 MotionConfig: TypeAlias = SpinConfig | OrbitConfig | KeyframesConfig  # of bodies

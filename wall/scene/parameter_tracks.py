@@ -38,9 +38,15 @@ def tracks_of(animation: Sequence[AnimationConfig]) -> tuple[ParameterTrack, ...
         ParameterTrack(
             name=config.name,
             times=np.array([k.time for k in config.keyframes], np.float64),
-            values=np.array([k.value for k in config.keyframes], np.float64).reshape(len(config.keyframes), -1),
+            values=_rows(config.numbers),
             loop=config.loop and len(config.keyframes) > 1,
         )
         for config in animation
         if isinstance(config, ParameterConfig)
     )
+
+
+def _rows(numbers: Sequence[Sequence[float]]) -> Float64:
+    """(k, n); one number counts for all n."""
+    width = max(map(len, numbers))
+    return np.array([np.broadcast_to(row, width) for row in numbers], np.float64)

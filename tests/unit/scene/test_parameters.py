@@ -182,6 +182,14 @@ def test_keyframes_are_joined_by_straight_lines_and_the_last_stays() -> None:
     assert moving.animated
 
 
+def test_one_number_of_a_keyframe_counts_for_all() -> None:
+    fading = keyframed("lights.1.intensity", (0.0, (8.0, 4.0, 2.0)), (2.0, 0.0), (4.0, (6.0, 6.0, 6.0)))
+    for time, wanted in ((1.0, (4, 2, 1)), (2.0, (0, 0, 0)), (3.0, (3, 3, 3))):
+        assert_allclose(fading.at(time).shading.point_lights[0].intensity, wanted)
+    with pytest.raises(ValueError, match=r"has 2 numbers, another keyframe 3"):
+        keyframed("lights.1.intensity", (0.0, (8.0, 4.0)), (2.0, (1.0, 2.0, 3.0)))
+
+
 @pytest.mark.parametrize(
     ("time", "wanted"), [(0.0, 1.0), (1.0, 2.0), (1.75, 2.75), (2.0, 1.0), (2.5, 1.5), (101.0, 2.0)]
 )
