@@ -158,8 +158,13 @@ def test_brackets_expose_by_thirds_of_a_stop_and_periods_seek_by_half_a_second(p
     assert math.isclose(source.received[0]["x"], 1 / 3)
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (420, 800), (1920, 600), (760, 1024)])
-def test_the_open_panel_fits(panel, width, height):
+SIZES = [(1280, 720), (420, 800), (1920, 600), (760, 1024), (1200, 800), (1000, 760)]
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_the_open_panel_fits_and_its_sliders_have_room(panel, source, width, height):
+    source.offered = (*OFFERED, offer("cuts.0.position", "position", 0.0, 0.5, 0.0, low=-9, high=9))
+    panel.wait_for_selector("[data-name='cuts.0.position']")
     panel.set_viewport_size({"width": width, "height": height})
     panel.wait_for_timeout(150)
     wide = panel.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
@@ -168,6 +173,9 @@ def test_the_open_panel_fits(panel, width, height):
         tall = panel.evaluate("[document.documentElement.scrollHeight, document.documentElement.clientHeight]")
         assert tall[0] <= tall[1]
     assert panel.locator(".parameter").first.bounding_box()["height"] > 0
+    sliders = panel.evaluate("[...document.querySelectorAll('.parameter input[type=range]')].map((e) => e.clientWidth)")
+    assert len(sliders) >= 8
+    assert min(sliders) >= 30
 
 
 def test_every_control_of_the_panel_has_a_name(panel):
