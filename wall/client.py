@@ -49,7 +49,7 @@ class Client:
     def __init__(self, wall: control_file.Control | PageClient, *, patience_s: float = ANSWER_S) -> None:
         """`wall`: how to reach it, or a connection to its page, which is closed with this."""
         self._way = _ByControl(wall) if isinstance(wall, control_file.Control) else _ByPage(wall)
-        self._patience_s = patience_s
+        self._patience_s, self._closed = patience_s, False
 
     def __enter__(self) -> Client:
         return self
@@ -61,6 +61,7 @@ class Client:
 
     def close(self) -> None:
         """Close the connection. What was set stays."""
+        self._closed = True
         self._way.close()
 
     def parameters(self, *patterns: str) -> dict[str, ParameterState]:
@@ -157,6 +158,12 @@ class Client:
         """Ask the wall for something, as EditRequest has it; `patience_s`: None: the client's."""
         if (most := max(len(assignments), len(listed), len(changes))) > MAX_COMMANDS:
             raise EditError(f"{most} {'changes' if changes else 'parameters'} at once; at most {MAX_COMMANDS}")
+        for name, value in assignments:
+            _check_finite(name, value)
+        for command in commands:
+            for value in command.values():
+                _check_finite(command["kind"], value)
+        self._check_open()
         request = EditRequest(
             client=0, number=0, key="", assignments=list(assignments), listed=list(listed), undo=undo,
             configuration=configuration, path=path, commands=list(commands), changes=list(changes),
@@ -173,6 +180,7 @@ class Client:
     def join(self, host: str, *, configuration: int, public: str) -> JoinAnswer:
         """Ask for a place as a rank, or for what that takes, as JoinRequest has it."""
         assert isinstance(self._way, _ByControl)
+        self._check_open()
         answer = self._way.join(
             JoinRequest(client=0, number=0, key="", host=host, configuration=configuration, public=public),
             self._patience_s,
@@ -180,6 +188,11 @@ class Client:
         if answer.refused:
             raise EditError(answer.refused)
         return answer
+
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise RunError("this connection was closed; connect again")
 
 
 class _ByControl:
@@ -253,6 +266,13 @@ def connect(wall: str | Path = "OUT", *, patience_s: float = ANSWER_S) -> Client
     from wall.display.page_client import PageClient  # and aiohttp, 0.2 s, for addresses alone
 
     return Client(PageClient(wall, patience_s=patience_s), patience_s=patience_s)
+
+
+def _check_finite(name: str, value: object) -> None:
+    """Raises EditError for a number that JSON cannot have."""
+    for number in value if isinstance(value, list | tuple) else [value]:
+        if isinstance(number, float) and not math.isfinite(number):
+            raise EditError(f"{name} = {number}: want a finite number")
 
 
 def _parsed(data: bytes) -> Any:

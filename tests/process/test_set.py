@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -15,7 +16,7 @@ from typer.testing import CliRunner
 
 from wall import cli
 from wall.client import connect
-from wall.core.errors import EditError
+from wall.core.errors import EditError, RunError
 from wall.packets.control import WindowInput, serialise
 from wall.run.control_file import read
 from wall.transport.curve import Keys
@@ -97,6 +98,10 @@ def test_python_reads_parameters_sets_them_and_takes_them_back(
             assert run.parameters("lights.2.irradiance")["lights.2.irradiance"].value == (0.0, 0.0, 9.0)
             with pytest.raises(EditError, match="irradiance = -1: want three numbers"):
                 run.set({"exposure": 0, "lights.2.irradiance": -1})
+            with pytest.raises(EditError, match="exposure = nan: want a finite number"):
+                run.set({"exposure": math.nan})
+            with pytest.raises(EditError, match="seek = inf: want a finite number"):
+                run.seek(math.inf)
             assert run.undo() == edit + 1
             assert run.parameters("lights.2.*", "exposure") == before
             assert np.abs(until(address, blue) - first).max() <= 1
@@ -104,6 +109,8 @@ def test_python_reads_parameters_sets_them_and_takes_them_back(
             turned = until(address, first)
             run.reset()
             assert np.abs(until(address, turned) - first).max() <= 1
+        with pytest.raises(RunError, match="was closed"):
+            run.undo()
 
     monkeypatch.chdir(out.parent)  # where the example's notebook looks for OUT
     names: dict[str, object] = {}
@@ -141,9 +148,11 @@ def test_without_a_wall_it_is_said_where_one_was_looked_for(tmp_path: Path) -> N
     assert "does not say how to reach a wall" in " ".join(done.stderr.split())
 
 
-@pytest.mark.parametrize("text", ["exposure", "=1", "exposure=", "exposure=1,,2", "exposure=nan"])
+@pytest.mark.parametrize(
+    "text", ["exposure", "=1", "exposure=", "exposure=1,,2", "exposure=nan", "exposure=1 exposure=2"]
+)
 def test_what_is_no_assignment_is_refused_before_any_wall_is_asked(tmp_path: Path, text: str) -> None:
-    called = CliRunner().invoke(cli.app, ["set", text, "--out", str(tmp_path)])
+    called = CliRunner().invoke(cli.app, ["set", *text.split(), "--out", str(tmp_path)])
     assert isinstance(called.exception, EditError)
     assert "want" in str(called.exception)
 

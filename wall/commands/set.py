@@ -23,6 +23,9 @@ def set_parameters(folder: Path, assignments: Sequence[str], *, listed: bool, un
     """
     patterns = [text for text in assignments if listed and "=" not in text]
     pairs = [list(parse_assignment(text)) for text in assignments if text not in patterns]
+    given = [name for name, _ in pairs]
+    if twice := next((name for name in given if given.count(name) > 1), ""):
+        raise EditError(f"{twice}: given twice; wanted: one value for each parameter")
     names = (patterns or [ALL_BUT_OBJECTS]) if listed else []
     with connect(folder) as run:
         answer = run.request(assignments=pairs, listed=names, undo=undo)

@@ -39,6 +39,7 @@ NAMES_SHOWN = 8
 NEAREST = 1e-6  # world units
 SCENES_AWAY = 1e4  # radii of the scene, or world units, that an object may be moved; page/parameters.js has the same
 SHORTEST = 1e-9  # length of a direction
+SWITCHES = {"true": 1, "false": 0}  # words of YAML, JSON and Python
 SRGB = re.compile("#[0-9a-fA-F]{6}")
 
 
@@ -60,6 +61,8 @@ class Parameter:
         unit, span = f" {self.unit}" if self.unit else "", f"from {self.low:g} to {self.high:g}"
         if self.kind == "choice":
             return f"one of {', '.join(self.choices)}"
+        if self._is_switch:
+            return "true, false, 1 or 0"
         if self.kind == "whole":
             return f"a whole number {span}{unit}"
         if self.kind == "number":
@@ -70,10 +73,16 @@ class Parameter:
             return f"three numbers, or one for all of them, {span}{unit}, or #rrggbb"
         return f"three numbers, {span}{unit}"
 
+    @property
+    def _is_switch(self) -> bool:
+        return self.kind == "whole" and (self.low, self.high) == (0.0, 1.0)
+
     def checked(self, value: object) -> Numbers:
         """The numbers of a value: a number, a sequence of numbers, or a name. Raises EditError where it is refused."""
         given: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
         given = [self.choices.index(x) if isinstance(x, str) and x in self.choices else x for x in given]
+        if self._is_switch:
+            given = [SWITCHES.get(str(x).lower(), x) for x in given]
         wanted = WIDTH[self.kind]
         if len(given) == 1 and self.kind in ("color", "light"):
             given = _rgb(given[0]) if isinstance(given[0], str) and SRGB.fullmatch(given[0]) else wanted * given

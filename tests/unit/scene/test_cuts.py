@@ -64,13 +64,18 @@ def test_place_way_and_whether_it_cuts_are_parameters() -> None:
     ("name", "value", "said"),
     [
         ("cuts.0.normal", (0.0, 0.0, 0.0), r"cuts.0.normal = \(0.0, 0.0, 0.0\): want three numbers, not all zero"),
-        ("cuts.0.enabled", 0.5, "want a whole number from 0 to 1"),
+        ("cuts.0.enabled", 0.5, "want true, false, 1 or 0"),
         ("cuts.0.position", (1.0, 2.0), "want three numbers, from -1e"),
     ],
 )
 def test_what_is_no_plane_is_refused(name: str, value: object, said: str) -> None:
     with pytest.raises(EditError, match=said):
         parameters_of(SCENE)[name].checked(value)
+
+
+@pytest.mark.parametrize(("value", "number"), [(True, 1.0), (False, 0.0), ("true", 1.0), ("false", 0.0), (1, 1.0)])
+def test_a_plane_is_switched_by_words_too(value: object, number: float) -> None:
+    assert parameters_of(SCENE)["cuts.0.enabled"].checked(value) == (number,)
 
 
 def test_keyframes_move_a_plane_and_between_opposite_normals_it_cuts_nothing() -> None:
