@@ -110,3 +110,11 @@ def test_a_table_s_file_is_read_once_until_it_changes(tmp_path):
     written_table(file, nodes=4)
     os.utime(file, (1.0, 1.0))
     assert table_of("a", wall, tmp_path) != before
+
+
+def test_a_panel_that_is_not_there_is_named_with_those_that_are(page):
+    page.goto(page.url.partition("#")[0] + "#nix")
+    page.locator(".banner.uncorrected").wait_for()
+    panels = page.evaluate("[...new Set([...document.querySelectorAll('[data-panel]')].map((e) => e.dataset.panel))]")
+    said = f"There is no panel nix, so this is the whole wall: {', '.join(panels)}."
+    assert page.locator(".banner.uncorrected").inner_text() == said

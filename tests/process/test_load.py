@@ -162,7 +162,9 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
     process.terminate()
     said, _ = process.communicate(timeout=20)
     assert process.returncode == 0
-    assert f"note: {config}: adopted" in "".join(said.split("\n")).replace("  ", " ")
+    notes = "".join(said.split("\n")).replace("  ", " ")
+    assert f"note: {config}: adopted, scene: courtyard" in notes
+    assert f"note: {second}: adopted again, scene: courtyard" in notes
     assert summary(tmp_path / "OUT")["configurations"] == 6
     assert summary(tmp_path / "OUT")["restarts"].keys() == {"1", "2", "3"}
     assert summary(tmp_path / "OUT")["dropped"].get("bad_packet", 0) == 0

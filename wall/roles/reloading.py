@@ -250,7 +250,9 @@ class Reloading:
 
     def answer(self, edit: int) -> Iterator[Instruction]:
         """Tell who asked that it is done; `edit`: number of the newest edit."""
-        self.said = f"{self._asked.path}: adopted"
+        source = self._plan.layout.loaded.config.scene.source
+        shown = source if isinstance(source, str) else ", ".join(source or ("data",))
+        self.said = f"{self._asked.path}: adopted{' again' if self._asked.back else ''}, scene: {shown}"
         yield from self._tell(edit=edit)
 
     def _refuse(self, why: str) -> Iterator[Instruction]:

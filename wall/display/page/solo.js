@@ -17,7 +17,11 @@ export class Solo {
     const id = decodeURIComponent(location.hash.slice(1));
     this.#panel = panels.find((panel) => panel.id === id) ?? null;
     document.body.classList.toggle("solo", this.#panel !== null);
-    if (!this.#panel) return;
+    this.#note.remove();
+    if (!this.#panel) {
+      if (id) this.#say(`There is no panel ${id}, so this is the whole wall: ${panels.map((each) => each.id).join(", ")}.`);
+      return;
+    }
     document.title = id;
     const { rotation, colour } = this.#panel, canvas = this.#canvas();
     if (this.#box !== canvas.parentElement || this.#colour !== JSON.stringify(colour)) {
@@ -50,9 +54,13 @@ export class Solo {
     } catch (error) {
       if (this.#colour !== wanted) return;
       this.#colour = "";
-      this.#note.textContent = `The colours are not those of this display: ${error.message}.`;
-      document.body.append(this.#note);
+      this.#say(`The colours are not those of this display: ${error.message}.`);
     }
+  }
+
+  #say(text) {
+    this.#note.textContent = text;
+    document.body.append(this.#note);
   }
 }
 
