@@ -106,11 +106,12 @@ def _scale_to(size: tuple[int, int], layout: Layout) -> float:
     """The factor on all pixels that makes the wall's image of that size."""
     wall = layout.wall
     scale = size[0] / wall.width
-    if size[1] != round(scale * wall.height):
+    height = max(1, round(scale * wall.height))
+    if size[1] != height:
         why = "are seen from several eyes" if wall.flat else "stand at angles"
         raise ConfigError(
             f"{layout.loaded.path}: --size {size[0]}x{size[1]}: these panels {why}, so all of them are shown, "
-            f"{wall.width}x{wall.height}; wanted: a size of that shape, such as {size[0]}x{round(scale * wall.height)}"
+            f"{wall.width}x{wall.height}; wanted: a size of that shape, such as {size[0]}x{height}"
         )
     return scale
 

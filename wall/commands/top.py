@@ -28,6 +28,7 @@ TRIES = 3  # answers that may be missed before a run counts as gone
 COLUMNS = (
     "rank", "role", "region", "host", "PID", "samples/s", "bytes/s", "oldest", "heard", "dropped", "memory", "cores",
 )  # fmt: skip
+REGION_WIDTH = 20  # columns that a region has at least
 LEFT_OUT = ("bytes/s", "dropped", "heard", "PID", "host", "memory", "role")  # on narrow terminals, the first first
 UNKNOWN = "-"  # in place of the rates of a rank that is not heard of
 STALE_S = 2.0  # an older sample is marked
@@ -162,13 +163,15 @@ def _table(now: Status, before: Status | None, width: int) -> Table:
         rows.append(tuple(map(spelled_out, cells)))
     columns = zip(COLUMNS, *rows, strict=True)
     widths = {name: max(map(cell_len, (name, *cells))) for name, *cells in columns}
+    widths["region"] = min(widths["region"], REGION_WIDTH)  # of several views it is long, and takes several lines then
     shown = list(COLUMNS)
     for name in LEFT_OUT:
         if sum(widths[each] + 2 for each in shown) - 2 > width:
             shown.remove(name)
     table = Table(box=None, pad_edge=False)
     for name in shown:
-        table.add_column(name, justify="left" if name in ("role", "region", "host") else "right", no_wrap=True)
+        left, folds = name in ("role", "region", "host"), name == "region"
+        table.add_column(name, justify="left" if left else "right", no_wrap=not folds, overflow="fold")
     for row, style in zip(rows, styles, strict=True):
         by_name = dict(zip(COLUMNS, row, strict=True))
         table.add_row(*(Text(by_name[name], style) for name in shown))

@@ -18,7 +18,7 @@ _ESCAPED = str.maketrans({"\\": r"\\", '"': r"\"", "\n": r"\n"})
 Labels = Mapping[str, object]
 _OF_TOTALS = (  # name after wall_rank_, kind, what it says, field of RankTotals
     ("process_id", "gauge", "The rank's process on its host.", "process"),
-    ("uptime_seconds", "gauge", "Time since the rank was started.", "seconds"),
+    ("uptime_seconds", "gauge", "Time since the rank was started, or adopted its configuration.", "seconds"),
     ("heartbeat_age_seconds", "gauge", "Time since the rank was last heard of.", "silent_s"),
     ("samples_total", "counter", "Samples traced.", "samples"),
     ("packets_total", "counter", "Packets of samples and images sent.", "packets"),

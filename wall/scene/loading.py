@@ -29,6 +29,7 @@ from wall.core.files import read_file
 from wall.scene.animation import Moving
 from wall.scene.appearance import Palette
 from wall.scene.bounds import framing_sphere, world_boxes
+from wall.scene.faults import fault_in
 from wall.scene.gltf import (
     IDENTITY,
     KEPT,
@@ -135,7 +136,7 @@ def _read(path: Path) -> tuple[Any, list[str], dict[str, Any]]:
                 loaded, header = _parsed(path)
                 return loaded, notes, header
         except Exception as error:  # parsers of broken files raise anything
-            reason = f"{type(error).__name__}: {error}"
+            reason = fault_in(path) or f"{type(error).__name__}: {error}"
             raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {reason}") from error
 
 

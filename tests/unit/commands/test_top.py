@@ -56,6 +56,17 @@ def test_one_table_has_every_rank_and_the_cores_of_the_time_between(server: Metr
     assert [" ".join(words) for words in lines[4:]] == ["dropped: rank 1: late 3", "rank 1: died"]
 
 
+def test_a_region_of_several_views_takes_several_lines_on_a_narrow_terminal(server: MetricsServer) -> None:
+    region = "main p 160x120+0+0, top p 40x30+3+5, close p 60x33+88+70"
+    out, now = io.StringIO(), status(12.0, 7.0)
+    server.tell(replace(now, ranks=tuple(replace(rank, region=region) for rank in now.ranks)))
+    wall = Wall(server.address.replace("/metrics", "/"))
+    top(wall, Terminal(file=out, width=80), every_s=2.0, once=True, sleep=lambda s: None)
+    lines = out.getvalue().splitlines()
+    assert "\u2026" not in out.getvalue()
+    assert all(word in " ".join(" ".join(lines).split()) for word in (*region.split(), "samples/s", "memory", "64 MB"))
+
+
 def test_a_wall_is_found_by_its_folder_of_results(server: MetricsServer, tmp_path: Path) -> None:
     with pytest.raises(RunError, match="no such file"):
         Wall(str(tmp_path))
