@@ -125,7 +125,9 @@ def _checked(
     except ValidationError as error:
         # a value that YAML refused already is null now: its second refusal would only confuse
         known = {problem.path for problem in document.problems}
-        errors = [each for each in error.errors(include_url=False) if _is_news(document, known, each)]
+        found = error.errors(include_url=False)
+        inside = {path[:k] for path in (_yaml_path(document.values, each) for each in found) for k in range(len(path))}
+        errors = [each for each in found if _is_news(document, known, each, inside)]
         lines += [_explained(name, document, details) for details in errors[:MOST_EXPLAINED]]
         if len(errors) > MOST_EXPLAINED:
             raise ConfigError(f"{_refusal(lines)}\n{name}: and {len(errors) - MOST_EXPLAINED} more") from None
@@ -330,15 +332,13 @@ def _yaml_path(values: Any, details: ErrorDetails) -> YamlPath:
     return (*path, *details.get("ctx", {}).get("at", ()))
 
 
-def _is_news(document: Document, known: Collection[YamlPath], details: ErrorDetails) -> bool:
-    """Whether a refusal is neither of a value that is `known` to be refused, nor an echo of others."""
-    return _yaml_path(document.values, details) not in known and not _is_echo(document, details)
-
-
-def _is_echo(document: Document, details: ErrorDetails) -> bool:
-    """A list that is too short only because its entries were refused one by one."""
-    value = _value_at(document.values, _yaml_path(document.values, details))
-    return details["type"] == "too_short" and len(value) >= details["ctx"]["min_length"]
+def _is_news(document: Document, known: Collection[YamlPath], details: ErrorDetails, inside: set[YamlPath]) -> bool:
+    """Whether a refusal is neither of a value that is `known` to be refused, nor an echo of others `inside` it."""
+    path, kind = _yaml_path(document.values, details), details["type"]
+    value = _value_at(document.values, path)
+    if kind == "too_short" and len(value) >= details["ctx"]["min_length"]:
+        return False  # only because its entries were refused one by one
+    return path not in known and not (kind.endswith("_type") and isinstance(value, dict) and path in inside)
 
 
 def _explained(name: str, document: Document, details: ErrorDetails) -> tuple[yaml_text.Position | None, str]:
