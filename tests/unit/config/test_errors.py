@@ -37,7 +37,7 @@ def test_a_wrong_part_of_a_mapping_is_the_only_thing_that_is_said_of_it() -> Non
     data = "data: [{type: points, file: a.csv, radius: {column: t, factor: -1}}]"
     lines = refusal(changed("source: courtyard", data)).splitlines()
     assert len(lines) == 1
-    assert lines[0].startswith("a.yaml:3:61: scene.data[0].radius.factor = -1: is too small")
+    assert lines[0].startswith("a.yaml:3:66: scene.data[0].radius.factor = -1: is too small")
 
 
 def test_good_text_loads() -> None:
