@@ -192,7 +192,7 @@ class Client:
 
     def _check_open(self) -> None:
         if self._closed:
-            raise RunError("this connection was closed; connect again")
+            raise RunError("this client is closed; wanted: another one, by connect()")
 
 
 class _ByControl:

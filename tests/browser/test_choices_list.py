@@ -38,6 +38,8 @@ def test_a_choice_is_sent_as_its_file_and_a_refusal_told(page, source, tmp_path)
     page.wait_for_function("() => document.getElementById('choice-words').textContent.endsWith('no memory')")
     assert page.inner_text("#choice-words") == "balls.yaml: refused. rank 1: no memory"
     assert (scenes.input_value(), scenes.is_disabled()) == ("hall.yaml", False)
+    page.keyboard.press("z")
+    eventually(page, lambda: source.received[-1]["kind"] == "undo", "keys are the wall's again")
 
     scenes.select_option("spheres")
     eventually(page, lambda: source.received[-1]["kind"] == "load" and source.received[-1] is not asked, "another one")

@@ -109,7 +109,7 @@ def test_python_reads_parameters_sets_them_and_takes_them_back(
             turned = until(address, first)
             run.reset()
             assert np.abs(until(address, turned) - first).max() <= 1
-        with pytest.raises(RunError, match="was closed"):
+        with pytest.raises(RunError, match="this client is closed"):
             run.undo()
 
     monkeypatch.chdir(out.parent)  # where the example's notebook looks for OUT

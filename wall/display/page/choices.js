@@ -44,6 +44,7 @@ export class Choices {
     clearTimeout(this.#later);
     this.#asked = name;
     this.#list.disabled = true;
+    this.#list.blur();            // keys are the wall's again: z goes back
     this.#say(`Loading ${name}`);
     this.#send({ kind: "choose", id: ID, name });
   }

@@ -116,15 +116,24 @@ def _ways(budget: Budget, machines: Machines) -> Grid:
     note = (
         f"bytes and coding are measured; adaptive takes {budget.fewer:g} times fewer samples, "
         f"{budget.compositors:,} compositors of {machines.cores_a_compositor:g} cores "
-        f"({budget.compositor_cores:,.0f} cores in all), {budget.streams_a_compositor:.2g} renderers each; "
+        f"({_cores(budget.compositor_cores)} cores in all), {budget.streams_a_compositor:.2g} renderers each; "
         f"links of {8e-9 * machines.link_bytes_per_s:g} Gbit/s"
     )
     return Grid(title=str(budget.target), columns=columns, rows=rows, note=note)
 
 
 def _way(way: Way) -> tuple[str, ...]:
-    sizes = f"{way.samples_per_s / 1e9:,.3f}", way.note, f"{way.bytes_per_s / 1e9:,.3f}", f"{way.links:,}"
-    return way.name, *sizes, f"{way.cores:,.0f}", f"{way.coding_cores:,.0f}", f"{way.ranks:,}"
+    sizes = _giga(way.samples_per_s), way.note, _giga(way.bytes_per_s), f"{way.links:,}"
+    return way.name, *sizes, _cores(way.cores), _cores(way.coding_cores), f"{way.ranks:,}"
+
+
+def _giga(value: float) -> str:
+    """Of small walls two digits, not zeros."""
+    return f"{value / 1e9:,.3f}" if value >= 1e8 or value == 0 else f"{value / 1e9:.2g}"
+
+
+def _cores(value: float) -> str:
+    return f"{value:,.0f}" if value >= 10 or value == 0 else f"{value:.2g}"
 
 
 def _hops(budgets: Sequence[Budget]) -> Grid:
