@@ -9,9 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from running import comes, page_of, shown, start, status, summary, until, write_config
+from running import comes, page_of, shown, start, status, summary, until, until_like, write_config
 
 from wall.client import connect
 from wall.core.errors import EditError
@@ -69,7 +68,7 @@ def test_viewers_see_ask_and_steer_at_another_compositor(
         with pytest.raises(EditError, match="irradiance = -1: want three numbers"):
             run.set({"lights.2.irradiance": -1})
         assert run.undo() == 2
-        assert np.abs(until(address, blue) - first).max() <= 1
+        until_like(address, first)
         run.orbit(0.5)
         until(address, first)
         run.reset()
@@ -79,10 +78,10 @@ def test_viewers_see_ask_and_steer_at_another_compositor(
     os.kill(there, signal.SIGKILL)
     comes(lambda: read(out).page != address, "the address of a page that was started again")
     again = read(out).page
-    assert np.abs(until(again, shown(again), changes=False) - first).max() <= 1
+    until_like(again, first)
     with connect(again) as run:
         assert run.set({"lights.2.irradiance": (0, 0, 9)}) == 3, "no answer to a request of the page before"
-        assert np.abs(until(again, first) - blue).max() <= 1
+        until_like(again, blue)
     with connect(out) as run:
         run.edit("views.0.camera.fov=20")
         near = until(again, blue)

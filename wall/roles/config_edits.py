@@ -20,7 +20,11 @@ from wall.core.errors import EditError
 from wall.geometry.expanding import expanded_config
 
 Step: TypeAlias = str | int
-PANELS = ["wall", "panels"]
+PANELS, GRID = ["wall", "panels"], ["wall", "grid"]
+NO_GRID = (
+    "this wall has no grid: its panels are written one by one, as an edit of one of them does; wanted: that undone, "
+    "changes of wall.panels, or a whole wall.grid={...} with wall.panels=null"
+)
 KINDS = ("method", "op", "type")  # keys whose value decides which other keys there may be
 MOST_NAMED = 8  # entries that a refusal names
 
@@ -46,6 +50,8 @@ def edited(config: Config, changes: Sequence[Any]) -> str:
     changed: list[list[str]] = []
     for (path, how, value), change in zip(parsed, changes, strict=True):
         try:
+            if path[:-1] == GRID and not values["wall"].get("grid"):
+                raise EditError(NO_GRID)
             parent = _at(values, path[:-1])
             if how == "=" and path[-1] in KINDS and isinstance(parent, dict):
                 kept = {each[-1] for each in changed if each[:-1] == path[:-1]}

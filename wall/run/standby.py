@@ -347,13 +347,13 @@ class LaunchedStand(Stand[T]):
     def __init__(self, launched: Bootstrap, head: Callable[[StandbyBootstrap], T], *, patience_s: float) -> None:
         """`head`, `patience_s`: see Stand."""
         super().__init__(launched.size, lambda bootstrap: None, head, encrypted=False, patience_s=patience_s)
-        self._keys, self._launched, self._tells = [launched.keys], launched, launched.broadcast
+        self._keys, self._launched, self._broadcast = [launched.keys], launched, launched.broadcast
 
     def _fork_ranks(self) -> None:
         """They are there."""
 
     def _address(self, text: str) -> None:
-        self._tells(text)
+        self._broadcast(text)
         self._tell("told")
 
 

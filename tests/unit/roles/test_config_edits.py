@@ -84,6 +84,10 @@ def test_a_panel_of_a_grid_is_calibrated_alone_and_the_others_stay(config: Confi
     assert [panel.id for panel in panels] == ["r0c0", "r0c1"]
     assert [panel.config.rotation for panel in panels] == [0, 180]
     assert_allclose([panel.screen for panel in panels], [panel.screen for panel in before])
+    with pytest.raises(EditError, match=r"wall\.grid\.columns=3: this wall has no grid: its panels are written one by"):
+        edited(moved, ["wall.grid.columns=3"])
+    grid = "wall.grid={columns: 3, rows: 1, pixels: [48, 32], size: [0.4, 0.3]}"
+    assert len(expand(changed(moved, "wall.panels=null", grid, "views.map.panels=[r0c2]").wall).panels) == 3
 
 
 @pytest.mark.parametrize(
