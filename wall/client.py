@@ -189,7 +189,6 @@ class Client:
             raise EditError(answer.refused)
         return answer
 
-
     def _check_open(self) -> None:
         if self._closed:
             raise RunError("this client is closed; wanted: another one, by connect()")

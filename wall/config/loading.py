@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -126,8 +126,12 @@ def _checked(
         # a value that YAML refused already is null now: its second refusal would only confuse
         known = {problem.path for problem in document.problems}
         found = error.errors(include_url=False)
-        inside = {path[:k] for path in (_yaml_path(document.values, each) for each in found) for k in range(len(path))}
-        errors = [each for each in found if _is_news(document, known, each, inside)]
+        paths = [_yaml_path(document.values, each) for each in found]
+        around = {path[:k] for path in paths for k in range(len(path))}
+        errors = [
+            each for path, each in zip(paths, found, strict=True)
+            if path not in known and not _is_echo(_value_at(document.values, path), each, around=path in around)
+        ]  # fmt: skip
         lines += [_explained(name, document, details) for details in errors[:MOST_EXPLAINED]]
         if len(errors) > MOST_EXPLAINED:
             raise ConfigError(f"{_refusal(lines)}\n{name}: and {len(errors) - MOST_EXPLAINED} more") from None
@@ -332,13 +336,12 @@ def _yaml_path(values: Any, details: ErrorDetails) -> YamlPath:
     return (*path, *details.get("ctx", {}).get("at", ()))
 
 
-def _is_news(document: Document, known: Collection[YamlPath], details: ErrorDetails, inside: set[YamlPath]) -> bool:
-    """Whether a refusal is neither of a value that is `known` to be refused, nor an echo of others `inside` it."""
-    path, kind = _yaml_path(document.values, details), details["type"]
-    value = _value_at(document.values, path)
-    if kind == "too_short" and len(value) >= details["ctx"]["min_length"]:
-        return False  # only because its entries were refused one by one
-    return path not in known and not (kind.endswith("_type") and isinstance(value, dict) and path in inside)
+def _is_echo(value: Any, details: ErrorDetails, *, around: bool) -> bool:
+    """Whether a refusal only repeats others: of a list that is too short without its entries that were refused, or of
+    a mapping that is no value of another kind, `around` what is wrong in it."""
+    if details["type"] == "too_short":
+        return bool(len(value) >= details["ctx"]["min_length"])
+    return around and isinstance(value, dict) and details["type"].endswith("_type")
 
 
 def _explained(name: str, document: Document, details: ErrorDetails) -> tuple[yaml_text.Position | None, str]:

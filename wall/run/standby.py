@@ -75,7 +75,7 @@ class StandbyBootstrap:
 
         `launched`: mpirun has made the other ranks.
         """
-        self.killed_soon = launched
+        self.killed_soon = self._launched = launched
         self.size, self.keys, self.key, self.how = size, keys, key, how
         self._pipe, self._state, self._due = pipe, state, 0.0
         self._left: Legacy | None = None
@@ -90,7 +90,7 @@ class StandbyBootstrap:
         if self.estate is not None:
             return self.estate.where.address
         self._say("address", text)
-        if self.killed_soon:  # they load and compile by themselves: who is not ready yet is not silent
+        if self._launched:  # they load and compile by themselves: who is not ready yet is not silent
             self._wait_for("told", TOLD_WAIT_S)
         return text
 
@@ -125,7 +125,7 @@ class StandbyBootstrap:
     def start_again(self, rank: int, text: str) -> bool:
         """Start a rank that is dead once more; it gets `text` as a broadcast. Returns whether that can be tried."""
         self._ended.pop(rank, None)
-        return not self.killed_soon and self._say("fork", rank, text)
+        return not self._launched and self._say("fork", rank, text)
 
     def finish(self, *, told: bool = True) -> None:
         """Let all ranks end, and wait for that; at once where nobody told them to."""
@@ -158,7 +158,7 @@ class StandbyBootstrap:
 class Stand(Generic[T]):
     """The parent's side: forks heads and ranks until a head comes to an end of its own."""
 
-    _launched: Bootstrap | None = None  # this process, where a launcher has made it and the ranks
+    _launched = False  # whether a launcher has made the ranks
 
     def __init__(
         self, size: int, main: Callable[[LocalBootstrap], None], head: Callable[[StandbyBootstrap], T], *,
@@ -218,8 +218,7 @@ class Stand(Generic[T]):
         ours, its = Pipe()
         others = [ours, *self._writers.values(), *filter(None, [self._pipe])]
         make = partial(
-            StandbyBootstrap, self._size, its, self._keys[HEAD], self._state, self._key, how,
-            launched=self._launched is not None,
+            StandbyBootstrap, self._size, its, self._keys[HEAD], self._state, self._key, how, launched=self._launched
         )  # fmt: skip
         with _later():  # what would end the run finds this head
             self._children.start(HEAD, _be_head, make, others, self._head, os.getpid(), self._before)
@@ -344,16 +343,18 @@ class Stand(Generic[T]):
 class LaunchedStand(Stand[T]):
     """The parent's side where a launcher has made the ranks: this process is the head's rank, and forks heads alone."""
 
+    _launched = True
+
     def __init__(self, launched: Bootstrap, head: Callable[[StandbyBootstrap], T], *, patience_s: float) -> None:
         """`head`, `patience_s`: see Stand."""
         super().__init__(launched.size, lambda bootstrap: None, head, encrypted=False, patience_s=patience_s)
-        self._keys, self._launched, self._broadcast = [launched.keys], launched, launched.broadcast
+        self._keys, self._own = [launched.keys], launched
 
     def _fork_ranks(self) -> None:
         """They are there."""
 
     def _address(self, text: str) -> None:
-        self._broadcast(text)
+        self._own.broadcast(text)
         self._tell("told")
 
 

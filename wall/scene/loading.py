@@ -29,7 +29,6 @@ from wall.core.files import read_file
 from wall.scene.animation import Moving
 from wall.scene.appearance import Palette
 from wall.scene.bounds import framing_sphere, world_boxes
-from wall.scene.faults import fault_in
 from wall.scene.gltf import (
     IDENTITY,
     KEPT,
@@ -49,6 +48,7 @@ from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.mtl import Maps, options_of
 from wall.scene.repair import RawMesh, Repaired, repair
+from wall.scene.unreadable import why_unreadable
 from wall.scene.up import Y_FROM
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -136,7 +136,7 @@ def _read(path: Path) -> tuple[Any, list[str], dict[str, Any]]:
                 loaded, header = _parsed(path)
                 return loaded, notes, header
         except Exception as error:  # parsers of broken files raise anything
-            reason = fault_in(path) or f"{type(error).__name__}: {error}"
+            reason = why_unreadable(path) or f"{type(error).__name__}: {error}"
             raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {reason}") from error
 
 

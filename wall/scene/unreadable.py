@@ -12,7 +12,7 @@ SHOWN = 60  # characters of a line
 WIDTHS = {"v": 3, "vt": 2, "vn": 3}  # numbers at least
 
 
-def fault_in(path: Path) -> str:
+def why_unreadable(path: Path) -> str:
     """The first fault in an OBJ file, with its line, or that a GLB file is cut short; "" where none is known."""
     try:
         if path.suffix.lower() == ".obj":
