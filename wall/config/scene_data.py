@@ -141,7 +141,9 @@ class IsosurfaceConfig(_FieldConfig):
         description="relative to this file: .vti, .vtu, .vtk, .vts, .vtr, .mha or .mhd; or orbital, which is built in; "
         "needs wall[data]"
     )
-    array: Text | None = Field(default=None, description="name of the field; absent = the file's only one")
+    array: Text | None = Field(
+        default=None, description="name of the field, of vectors the length is taken; absent = the file's only one"
+    )
     value: Number | Annotated[tuple[Number, ...], Field(min_length=1, max_length=64)] = Field(
         description="of the field, or several: a surface each"
     )

@@ -128,7 +128,7 @@ def test_points_that_cannot_be_drawn_are_left_out_and_counted(tmp_path: Path) ->
             {"file": "a.las"},
             "no known kind of points, known are .ply, .npy, .npz, .csv, .txt, .xyz, and built in galaxy",
         ),
-        ({"file": "text.npy"}, "text.npy: cannot be read as npy"),
+        ({"file": "text.npy"}, "text.npy: cannot be read as npy, it holds no arrays of numbers"),
         ({"file": "words.xyz"}, "words.xyz: cannot be read as xyz, ValueError: no row of numbers"),
         ({"file": "flat.npy"}, "flat.npy: has the columns 0, 1; wanted at least three"),
     ],

@@ -99,6 +99,21 @@ def test_isosurfaces_lie_where_the_field_has_the_values(folder: Path) -> None:
         assert mesh.normals is not None
 
 
+def test_an_isosurface_of_vectors_is_where_they_have_that_length(folder: Path) -> None:
+    """The bound is that of straight lines between points 0.25 apart, of a length that bends by 1 / radius."""
+    axis = np.linspace(-1.0, 1.0, POINTS)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    rows = " ".join(f"{value:.7g}" for value in np.stack([x, y, z], -1).ravel())
+    text = (folder / "ball.vtk").read_text()
+    (folder / "flow.vtk").write_text(f"{text[: text.index('SCALARS')]}VECTORS flow float\n{rows}\n")
+    shown = scene_with(folder, type="isosurface", file="flow.vtk", value=0.75, color_by={"array": "flow"})
+    radius = np.linalg.norm(corners_of(shown), axis=-1)
+    assert np.abs(radius - 0.75).max() < 0.25**2 / 8.0 / 0.5
+    assert np.abs(corners_of(shown)).max(axis=(0, 1)) == pytest.approx(0.75, abs=0.02)  # not of one component
+    with pytest.raises(SceneError, match=r"'length of flow' of flow.vtk is from 0 to 1.73205, never that"):
+        scene_with(folder, type="isosurface", file="flow.vtk", value=2.0)
+
+
 @pytest.mark.parametrize(
     ("keys", "said"),
     [

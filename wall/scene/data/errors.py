@@ -7,3 +7,11 @@ from wall.core.errors import SceneError
 
 class NoSurfaceError(SceneError):
     """A field nowhere has the value of an isosurface: an error, but in the midst of a series."""
+
+
+def why_unread(error: Exception) -> str:
+    """What a reader of tables and arrays says of a file; NumPy takes what it does not know for pickled objects, and
+    tells how to load these unsafely."""
+    if "pickle" in str(error):
+        return "it holds no arrays of numbers"
+    return f"{type(error).__name__}: {error}"

@@ -127,7 +127,8 @@ def outer_surface(data_set: Any, array: str | None, path: Path, where: str) -> S
 def isosurface(
     data_set: Any, value: float, *, array: str | None, color_array: str | None, path: Path, where: str
 ) -> Surface:
-    """Where an array of a data set has a value, with the numbers of another one; of cells, means at points are taken.
+    """Where an array of a data set has a value, with the numbers of another one; of cells, means at points are taken,
+    of vectors lengths.
 
     array : None: its only one; where : of the entry in the configuration, for errors
     """
@@ -138,6 +139,8 @@ def isosurface(
         means.SetInputData(data_set)
         data_set = _updated(means, path)
         chosen = chosen and (chosen[0], True)
+    if data_set.GetPointData().GetArray(name).GetNumberOfComponents() > 1:
+        data_set, name = _with_lengths(data_set, name)
     low, high = data_set.GetPointData().GetArray(name).GetRange()
     contour = _made("vtkFiltersCore", "vtkContourFilter", path)
     contour.SetInputData(data_set)
@@ -149,6 +152,17 @@ def isosurface(
             f"{where}.value = {value:g}: {name!r} of {path.name} is from {low:g} to {high:g}, never that"
         )
     return found
+
+
+def _with_lengths(data_set: Any, name: str) -> tuple[Any, str]:
+    """A data set that has the lengths of an array of points' vectors too, and what they are called."""
+    vectors = np.asarray(_numbers(data_set.GetPointData().GetArray(name)), np.float64)
+    lengths = import_module("vtkmodules.util.numpy_support").numpy_to_vtk(np.linalg.norm(vectors, axis=1), deep=True)
+    lengths.SetName(f"length of {name}")
+    with_lengths = data_set.NewInstance()
+    with_lengths.ShallowCopy(data_set)
+    with_lengths.GetPointData().AddArray(lengths)
+    return with_lengths, str(lengths.GetName())
 
 
 def _triangulated(polygons: Any, chosen: tuple[str, bool] | None, path: Path) -> Surface:
