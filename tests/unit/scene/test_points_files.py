@@ -130,6 +130,7 @@ def test_points_that_cannot_be_drawn_are_left_out_and_counted(tmp_path: Path) ->
         ),
         ({"file": "text.npy"}, "text.npy: cannot be read as npy, it holds no arrays of numbers"),
         ({"file": "words.xyz"}, "words.xyz: cannot be read as xyz, ValueError: no row of numbers"),
+        ({"file": "pickles.csv"}, "pickles.csv: cannot be read as csv, ValueError: could not convert string 'pickle'"),
         ({"file": "flat.npy"}, "flat.npy: has the columns 0, 1; wanted at least three"),
     ],
 )
@@ -138,6 +139,7 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path: Path, keys: dict[str, Any],
     (tmp_path / "a.las").write_bytes(b"LASF")
     (tmp_path / "text.npy").write_text("no array")
     (tmp_path / "words.xyz").write_text("some words\n")
+    (tmp_path / "pickles.csv").write_text("x,y,z\n1,2,3\n1,2,pickle\n")
     np.save(tmp_path / "flat.npy", ROWS[:, :2])
     with pytest.raises(SceneError, match=said):
         scene_with(tmp_path, **keys)

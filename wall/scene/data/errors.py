@@ -9,9 +9,9 @@ class NoSurfaceError(SceneError):
     """A field nowhere has the value of an isosurface: an error, but in the midst of a series."""
 
 
-def why_unread(error: Exception) -> str:
-    """What a reader of tables and arrays says of a file; NumPy takes what it does not know for pickled objects, and
+def parser_says(error: Exception) -> str:
+    """What a parser of tables and arrays says of a file; NumPy takes what it does not know for pickled objects, and
     tells how to load these unsafely."""
-    if "pickle" in str(error):
+    if "allow_pickle" in str(error):
         return "it holds no arrays of numbers"
     return f"{type(error).__name__}: {error}"

@@ -17,7 +17,7 @@ import numpy as np
 
 from wall.config.scene_data import DataConfig, PointsConfig, SeriesConfig
 from wall.core.errors import SceneError
-from wall.scene.data.errors import why_unread
+from wall.scene.data.errors import parser_says
 from wall.scene.data.samples import STEPS
 
 MOST_STEPS = 100_000
@@ -130,7 +130,7 @@ def _rows(path: Path, where: str) -> tuple[Part, ...]:
     except FileNotFoundError:
         raise SceneError(f"{path}: there is no such file") from None
     except (OSError, ValueError) as error:
-        raise SceneError(f"{path}: cannot be read as npy, {why_unread(error)}") from error
+        raise SceneError(f"{path}: cannot be read as npy, {parser_says(error)}") from error
     axes = array.ndim + (array.dtype.names is not None)
     if axes != 3:
         came = "x".join(map(str, array.shape))

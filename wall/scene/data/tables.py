@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.errors import SceneError
-from wall.scene.data.errors import why_unread
+from wall.scene.data.errors import parser_says
 from wall.scene.data.samples import CURVES, POINT_STEPS, POINTS
 
 MOST_NAMED = 30  # in an error
@@ -83,7 +83,7 @@ def read_table(path: Path, row: int | None = None) -> Table:
     except SceneError:
         raise
     except Exception as error:  # parsers of broken files raise anything
-        raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {why_unread(error)}") from error
+        raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {parser_says(error)}") from error
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{name}: {count}" for name, count in list(lengths.items())[:MOST_NAMED])

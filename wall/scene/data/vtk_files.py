@@ -107,10 +107,15 @@ def _image(arrays: dict[str, Float32], spacing: float, path: Path) -> Any:
     image.SetSpacing(spacing, spacing, spacing)
     image.SetOrigin(*(-spacing * (size - 1) / 2.0 for size in sizes))
     for name, values in arrays.items():
-        array = import_module("vtkmodules.util.numpy_support").numpy_to_vtk(values.ravel(), deep=True)
-        array.SetName(name)
-        image.GetPointData().AddArray(array)
+        _add_array(image, name, values.ravel())
     return image
+
+
+def _add_array(data_set: Any, name: str, values: NDArray[Any]) -> None:
+    """Give a data set an array of points: a copy of `values`, a number each."""
+    array = import_module("vtkmodules.util.numpy_support").numpy_to_vtk(values, deep=True)
+    array.SetName(name)
+    data_set.GetPointData().AddArray(array)
 
 
 def outer_surface(data_set: Any, array: str | None, path: Path, where: str) -> Surface:
@@ -157,12 +162,10 @@ def isosurface(
 def _with_lengths(data_set: Any, name: str) -> tuple[Any, str]:
     """A data set that has the lengths of an array of points' vectors too, and what they are called."""
     vectors = np.asarray(_numbers(data_set.GetPointData().GetArray(name)), np.float64)
-    lengths = import_module("vtkmodules.util.numpy_support").numpy_to_vtk(np.linalg.norm(vectors, axis=1), deep=True)
-    lengths.SetName(f"length of {name}")
-    with_lengths = data_set.NewInstance()
+    with_lengths, lengths = data_set.NewInstance(), f"length of {name}"
     with_lengths.ShallowCopy(data_set)
-    with_lengths.GetPointData().AddArray(lengths)
-    return with_lengths, str(lengths.GetName())
+    _add_array(with_lengths, lengths, np.linalg.norm(vectors, axis=1))
+    return with_lengths, lengths
 
 
 def _triangulated(polygons: Any, chosen: tuple[str, bool] | None, path: Path) -> Surface:
