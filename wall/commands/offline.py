@@ -94,7 +94,7 @@ def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.
     if found is None and size is not None:
         scale, size = _scale_to(size, layout), None
     if found is None or (size is None and len(wall.faces) > 1):
-        return [scaled(panel, scale) for panel in wall.panels]
+        return [_on_image(panel, scale) for panel in wall.panels]
     width, height = size or (max(1, round(scale * found.width)), max(1, round(scale * found.height)))
     per, own = found.height / height, found.plane
     left = found.width / 2 - per * width / 2
@@ -118,11 +118,18 @@ def _scale_to(size: tuple[int, int], layout: Layout) -> float:
 
 def scaled(panel: Panel, scale: float) -> Panel:
     """Scale a panel's pixel counts and screen position, rounded to whole pixels; its lit area in metres stays."""
-    if scale == 1.0:
-        return panel
+    return panel if scale == 1.0 else _resampled(panel, scale, panel.pixels)
+
+
+def _on_image(panel: Panel, scale: float) -> Panel:
+    """A panel in the wall's image at that scale: with the finest pixels of its face, not its own."""
+    return panel if scale == 1.0 and panel.span == panel.pixels else _resampled(panel, scale, panel.span)
+
+
+def _resampled(panel: Panel, scale: float, span: tuple[int, int]) -> Panel:
     (w, h), plane = panel.pixels, panel.plane
     (left, top), (x, y) = panel.screen, (round(scale * each) for each in panel.screen)
-    width, height = max(1, round(scale * (left + w)) - x), max(1, round(scale * (top + h)) - y)
+    width, height = max(1, round(scale * (left + span[0])) - x), max(1, round(scale * (top + span[1])) - y)
     per_x, per_y = plane.per_x * (w / width), plane.per_y * (h / height)
     origin = plane.point(*panel.screen) - x * per_x - y * per_y
     return replace(panel, pixels=(width, height), screen=(x, y), plane=Plane(origin=origin, per_x=per_x, per_y=per_y))

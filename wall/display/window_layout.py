@@ -46,6 +46,7 @@ class WindowRequest:
     id: str
     pixels: tuple[int, int]  # width, height as the viewer sees it
     screen: tuple[int, int]  # in the virtual screen
+    span: tuple[int, int]  # width, height there
     rotation: int  # degrees clockwise that the display is mounted turned
     monitor: int | str | None  # index or name
     window: tuple[int, int, int, int] | None  # x, y, width, height
@@ -81,6 +82,7 @@ def request_of(panel: Panel, refresh_hz: float) -> WindowRequest:
         id=panel.id,
         pixels=panel.pixels,
         screen=panel.screen,
+        span=panel.span,
         rotation=panel.config.rotation,
         monitor=panel.config.monitor,
         window=None if window is None else (window.x, window.y, window.width, window.height),
@@ -148,16 +150,23 @@ def _position(panel: WindowRequest, box: Box, fills: int | None, monitor: Monito
 
 
 def _side_by_side(panels: Sequence[WindowRequest], room: Box) -> dict[str, Box]:
-    """Boxes of panels as the virtual screen arranges them, shrunk to fit and centred in `room`."""
-    left, top = (min(p.screen[k] for p in panels) for k in (0, 1))
-    width, height = (max(p.screen[k] + p.pixels[k] for p in panels) - (left, top)[k] for k in (0, 1))
+    """Boxes of panels as the virtual screen arranges them, shrunk to fit and centred in `room`.
+
+    A panel's place is stretched to its pixels where it has more of them: those of both eyes side by side.
+    """
+    stretch = [max(p.pixels[k] / p.span[k] for p in panels) for k in (0, 1)]
+    left, top = (min(p.screen[k] for p in panels) * stretch[k] for k in (0, 1))
+    width, height = (max(p.screen[k] + p.span[k] for p in panels) * stretch[k] - (left, top)[k] for k in (0, 1))
     scale = min(1.0, room.width / width, room.height / height)
     x0 = room.x + (room.width - round(scale * width)) // 2
     y0 = room.y + (room.height - round(scale * height)) // 2
     boxes = {}
     for panel in panels:
-        x, y = panel.screen[0] - left, panel.screen[1] - top
-        right, bottom = round(scale * (x + panel.pixels[0])), round(scale * (y + panel.pixels[1]))
-        x, y = round(scale * x), round(scale * y)
+        x, right = (
+            round(scale * (at * stretch[0] - left)) for at in (panel.screen[0], panel.screen[0] + panel.span[0])
+        )
+        y, bottom = (
+            round(scale * (at * stretch[1] - top)) for at in (panel.screen[1], panel.screen[1] + panel.span[1])
+        )
         boxes[panel.id] = Box(x0 + x, y0 + y, max(1, right - x), max(1, bottom - y))
     return boxes

@@ -121,22 +121,30 @@ def _moved(point: Float64, right: float, up: float) -> tuple[float, float, float
 
 
 def eyes(panel: PanelConfig) -> tuple[Eye, ...]:
-    """The panel itself, or one for each eye where its image holds both."""
+    """The panel itself, or one for each eye where its image holds both. Both keep its window, which shows them both."""
     if not panel.packed:
         return (Eye(panel, panel.id, (0, 0)),)
     axis = 0 if panel.stereo == "side_by_side" else 1
-    whole = panel.window or WindowConfig(width=panel.pixels[0], height=panel.pixels[1])
-    half = (whole.width, whole.height)[axis] // 2
     pixels, found = _halved(panel.pixels, panel.stereo), []
     for k, eye in enumerate(("left", "right")):
-        side = ("width", "height")[axis]
-        rest = (whole.width, whole.height)[axis] - half if k else half
-        moved = {"xy"[axis]: getattr(whole, "xy"[axis]) + k * half, side: rest}
-        window = whole.model_copy(update=moved)
-        changed = {"id": f"{panel.id}.{eye}", "pixels": pixels, "stereo": eye, "window": window}
+        changed = {"id": f"{panel.id}.{eye}", "pixels": pixels, "stereo": eye}
         at = (k * pixels[0], 0) if axis == 0 else (0, k * pixels[1])
         found.append(Eye(panel.model_copy(update=changed), panel.id, at))
     return tuple(found)
+
+
+def _alone(panel: PanelConfig) -> tuple[PanelConfig, ...]:
+    """A panel's eyes as panels of their own, each with its part of the window."""
+    if not panel.packed:
+        return (panel,)
+    axis = 0 if panel.stereo == "side_by_side" else 1
+    place, side = "xy"[axis], ("width", "height")[axis]
+    whole = panel.window or WindowConfig(width=panel.pixels[0], height=panel.pixels[1])
+    half = getattr(whole, side) // 2
+    first = whole.model_copy(update={side: half})
+    second = whole.model_copy(update={place: getattr(whole, place) + half, side: getattr(whole, side) - half})
+    windows = zip(eyes(panel), (first, second), strict=True)
+    return tuple(eye.panel.model_copy(update={"window": window}) for eye, window in windows)
 
 
 def _halved(pixels: tuple[int, int], stereo: Stereo) -> tuple[int, int]:
@@ -146,7 +154,7 @@ def _halved(pixels: tuple[int, int], stereo: Stereo) -> tuple[int, int]:
 
 def expanded_config(config: WallConfig) -> WallConfig:
     """The same wall, its panels one by one, each for one eye. It expands to the same panels with the same rays."""
-    single = tuple(eye.panel for panel in _physical(config) for eye in eyes(panel))
+    single = tuple(part for panel in _physical(config) for part in _alone(panel))
     return WallConfig(bezel=config.bezel, panels=single)
 
 

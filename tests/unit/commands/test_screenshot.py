@@ -91,6 +91,24 @@ def test_panels_at_angles_have_their_positions_in_the_virtual_screen(corner: Pat
     np.testing.assert_array_equal(read(one.path), rendered(corner))
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_a_coarse_panel_seen_from_an_eye_of_its_own_fills_its_place(
+    tmp_path: Path, scale: float, compiled_only: None
+) -> None:
+    """As densely as the finest: the same image as of a panel that has those pixels itself."""
+    corners = "corners: {lower_left: [-0.4, 0, 0], lower_right: [0, 0, 0], upper_left: [-0.4, 0.3, 0]}"
+    fine = "corners: {lower_left: [0, 0, 0], lower_right: [0.4, 0, 0], upper_left: [0, 0.3, 0]}, eye: [0.2, 0.1, 1]"
+    head, last = FLAT.partition("wall:")[0], FLAT.splitlines()[-1]
+    images = []
+    for pixels in ("[20, 15]", "[80, 60]"):
+        config = tmp_path / f"{pixels[1:3]}.yaml"
+        wall = f"wall: {{panels: [{{id: a, pixels: {pixels}, {corners}}}, {{id: b, pixels: [80, 60], {fine}}}]}}"
+        config.write_text(f"{head}{wall}\n{last}\n")
+        images.append(read(shoot(config, f"{pixels[1:3]}.exr", scale=scale)[0].path))
+    np.testing.assert_array_equal(*images)
+    assert images[0][:, : round(80 * scale)].std() > 0.01
+
+
 def test_scale_gives_the_same_view_in_more_pixels(corner: Path, compiled_only: None) -> None:
     """Each pixel's area is four of the larger image's; their means differ by the noise of edges, not by a shift."""
     small, large = (read(shoot(corner, f"{s}.exr", scale=s, spp=16)[0].path) for s in (1.0, 2.0))

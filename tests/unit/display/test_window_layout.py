@@ -18,7 +18,14 @@ RIGHT = Monitor("HDMI-1", Box(1920, 0, 1280, 1024), 120)
 
 def wanted(name: str = "p", **changes: Any) -> WindowRequest:
     plain = WindowRequest(
-        id=name, pixels=(1920, 1080), screen=(0, 0), rotation=0, monitor=None, window=None, most_hz=None
+        id=name,
+        pixels=(1920, 1080),
+        screen=(0, 0),
+        span=changes.get("pixels", (1920, 1080)),
+        rotation=0,
+        monitor=None,
+        window=None,
+        most_hz=None,
     )
     return replace(plain, **changes)
 
@@ -64,6 +71,21 @@ def test_panels_on_a_desk_keep_their_shape_and_stay_on_the_monitor() -> None:
         assert abs(position.box.height - 1080 * scale) <= 1
         assert (position.monitor, position.rotation) == (None, 0)  # nothing is mounted turned on a desk
     assert found[1].box.x - (found[0].box.x + found[0].box.width) == pytest.approx(40 * scale, abs=1)
+
+
+def test_panels_of_both_eyes_side_by_side_lie_beside_each_other_on_a_desk() -> None:
+    """Their places in the virtual screen are those of one eye, half as wide."""
+    panels = [wanted(f"{x}", pixels=(640, 240), screen=(320 * x, 0), span=(320, 240)) for x in range(2)]
+    first, second = (position.box for position in lay_out(panels, [LEFT], display=":0"))
+    assert (first.width, first.height, second.width) == (640, 240, 640)
+    assert second.x == first.x + 640
+
+
+def test_a_panel_of_coarse_pixels_has_its_place_on_a_desk() -> None:
+    panels = [wanted("fine", pixels=(400, 300)), wanted("coarse", pixels=(100, 75), screen=(400, 0), span=(400, 300))]
+    fine, coarse = (position.box for position in lay_out(panels, [LEFT], display=":0"))
+    assert (fine.width, fine.height) == (coarse.width, coarse.height) == (400, 300)
+    assert coarse.x == fine.x + 400
 
 
 def test_a_slower_panel_is_shown_at_every_second_blank() -> None:

@@ -132,13 +132,40 @@ def test_a_turned_display_is_sent_the_image_turned_back(screens: tuple[str, str]
         sink.close()
 
 
-def test_both_eyes_of_a_panel_share_its_window(screens: tuple[str, str]) -> None:
-    halves = panels((60, 90), (60, 90), display=screens[1], of="p", at=[(0, 0), (60, 0)])
-    left, right = noise(60, 90), noise(60, 90, 2)
+def stereo(at: float = 0.0, **changes: Any) -> PanelConfig:
+    """A panel of 60 x 45 pixels for each eye, side by side, 1.2 m wide."""
+    corners = {"lower_left": (at, 0, 0), "lower_right": (at + 1.2, 0, 0), "upper_left": (at, 0.9, 0)}
+    plain = {"id": f"p{at}", "pixels": (120, 45), "corners": corners, "stereo": "side_by_side"}
+    return PanelConfig.model_validate(plain | changes)
+
+
+@pytest.mark.parametrize("named", ["a window", "a monitor", "nothing"])
+def test_both_eyes_of_a_panel_share_its_window(screens: tuple[str, str], named: str) -> None:
+    display, place = {
+        "a window": (screens[0], {"window": window(30, 20, 120, 45)}),
+        "a monitor": (screens[1], {"pixels": (120, 90), "monitor": 0}),
+        "nothing": (screens[1], {"pixels": (120, 90)}),
+    }[named]
+    halves = expand(WallConfig(panels=(stereo(display=display, **place),))).panels
+    height = halves[0].pixels[1]
+    left, right = noise(60, height), noise(60, height, 2)
+    both = np.hstack([left, right])
     sink = WindowSink(halves, refresh_hz=60)
     try:
         sink.put([shown(halves[0], left), shown(halves[1], right)])
-        assert looks_like(screens[1], np.hstack([left, right]))
+        assert looks_like(display, on_black(300, 200, (30, 20, both)) if named == "a window" else both)
+        assert sink.notes == ()
+    finally:
+        sink.close()
+
+
+def test_panels_of_both_eyes_side_by_side_lie_beside_each_other_on_a_desk(screens: tuple[str, str]) -> None:
+    parts = expand(WallConfig(panels=tuple(stereo(x, display=screens[0]) for x in (0.0, 1.2)))).panels
+    images = [noise(60, 45, seed) for seed in range(4)]
+    sink = WindowSink(parts, refresh_hz=60)
+    try:
+        sink.put([shown(part, image) for part, image in zip(parts, images, strict=True)])
+        assert looks_like(screens[0], on_black(300, 200, (30, 77, np.hstack(images))))
     finally:
         sink.close()
 

@@ -101,6 +101,7 @@ def test_two_panels_that_fill_the_same_monitor_are_refused() -> None:
     [said] = refusal(panels(("a", 0.0, full), ("b", 0.4, full)))
     assert said.startswith("a.yaml:7:7: wall.panels[1]: monitor HDMI-1 shows panel a, and b would cover it; accepted: ")
     checked(panels(("a", 0.0, full), ("b", 0.4, part)))
+    checked(panels(("a", 0.0, full + ", stereo: side_by_side"), ("b", 0.4, part)))
     checked(panels(("a", 0.0, full + ", host: left"), ("b", 0.4, full + ", host: right")))
 
 

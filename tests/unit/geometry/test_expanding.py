@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from wall.config.displays import BlendConfig, SidesConfig
+from wall.config.displays import BlendConfig, SidesConfig, WindowConfig
 from wall.config.loading import loads
 from wall.config.yaml_text import write
 from wall.geometry.expanding import expand, expanded_config
@@ -142,8 +142,7 @@ def test_two_eyes_in_one_image_are_two_panels_with_the_same_corners() -> None:
     assert [p.shift for p in wall.panels] == [-0.5, 0.5, -0.5]
     assert left.pixels == right.pixels == (20, 30)
     assert_allclose(left.corners, right.corners, atol=ROUNDING)
-    windows = [panel.config.window for panel in (left, right)]
-    assert [window and (window.x, window.width) for window in windows] == [(0, 20), (20, 20)]
+    assert [panel.config.window for panel in (left, right)] == [None, None]  # both fill what the panel fills
     assert alone.screen == (40, 0)  # beside a.left, whose eye it shares; its pixels are half as wide
     assert wall.faces == ((0, 2), (1,))
     assert not wall.overlaps
@@ -155,10 +154,20 @@ def test_eyes_above_each_other_share_the_window_that_is_given() -> None:
 
     assert left.pixels == right.pixels == (40, 15)
     assert right.at == (0, 15)
-    assert left.config.window is not None
-    assert right.config.window is not None
-    assert (left.config.window.y, left.config.window.height) == (50, 15)
-    assert (right.config.window.y, right.config.window.height, right.config.window.x) == (65, 16, 100)
+    assert left.config.window == right.config.window == WindowConfig(**window)
+
+
+def test_eyes_written_as_panels_of_their_own_have_their_parts_of_the_window() -> None:
+    window = {"x": 100, "y": 50, "width": 40, "height": 31}
+    two = [panel("a", 0, 0, stereo="top_bottom", window=window), panel("b", 0.4, 0, stereo="side_by_side")]
+    windows = [each.window for each in expanded_config(loads(text_of(panels=two)).config.wall).panels or ()]
+
+    assert windows == [
+        WindowConfig(x=100, y=50, width=40, height=15),
+        WindowConfig(x=100, y=65, width=40, height=16),
+        WindowConfig(x=0, y=0, width=20, height=30),
+        WindowConfig(x=20, y=0, width=20, height=30),
+    ]
 
 
 def test_walls_of_each_eye_stand_beside_each_other_in_the_image() -> None:
