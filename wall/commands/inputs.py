@@ -14,6 +14,11 @@ EXAMPLES = Path(__file__).resolve().parents[1] / "configs"  # those of the clone
 DEMO = EXAMPLES / "demo.yaml"
 DATA_SUFFIXES = (".vti", ".vtp", ".vtu", ".vtk", ".csv", ".npy", ".npz", ".mhd")
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+OTHER_MODELS = (
+    *(".3dm", ".3ds", ".3mf", ".abc", ".blend", ".c4d", ".dae", ".dxf", ".e57", ".fbx", ".iges", ".igs", ".las"),
+    *(".laz", ".lwo", ".max", ".off", ".pcd", ".pts", ".skp", ".step", ".stp", ".usd", ".usda", ".usdc", ".usdz"),
+    *(".vrml", ".wrl", ".x3d", ".xyz"),
+)
 
 # of built-in scenes: from where they were made to be seen; position, target, degrees
 CAMERAS = {
@@ -44,6 +49,8 @@ def load_any(what: str | Path) -> Loaded:
             f"{what}: is data, and no model or configuration; wanted a configuration with "
             f"scene: {{data: [{{type: points, file: {path.name}}}]}}, or another type: docs/guide/data.md"
         )
+    if path.suffix.lower() in OTHER_MODELS:
+        raise ConfigError(f"{what}: is no kind of model that is read; those are {', '.join(MODEL_SUFFIXES)}")
     return load(path)
 
 

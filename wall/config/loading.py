@@ -127,7 +127,8 @@ def _checked(
         known = {problem.path for problem in document.problems}
         found = error.errors(include_url=False)
         paths = [_yaml_path(document.values, each) for each in found]
-        around = {path[:k] for path in paths for k in range(len(path))}
+        wrong = [path for path, each in zip(paths, found, strict=True) if not each["type"].endswith("_type")]
+        around = {*wrong, *(path[:k] for path in paths for k in range(len(path)))}
         errors = [
             each for path, each in zip(paths, found, strict=True)
             if path not in known and not _is_echo(_value_at(document.values, path), each, around=path in around)
@@ -338,10 +339,10 @@ def _yaml_path(values: Any, details: ErrorDetails) -> YamlPath:
 
 def _is_echo(value: Any, details: ErrorDetails, *, around: bool) -> bool:
     """Whether a refusal only repeats others: of a list that is too short without its entries that were refused, or of
-    a mapping that is no value of another kind, `around` what is wrong in it."""
+    a value that is of no other kind either, while in itself, or in it, something is wrong (`around`)."""
     if details["type"] == "too_short":
         return bool(len(value) >= details["ctx"]["min_length"])
-    return around and isinstance(value, dict) and details["type"].endswith("_type")
+    return around and details["type"].endswith("_type")
 
 
 def _explained(name: str, document: Document, details: ErrorDetails) -> tuple[yaml_text.Position | None, str]:

@@ -16,13 +16,13 @@ from wall.core.fields import (
     Model,
     Number,
     Positive,
+    Reflectance,
     Share,
     Text,
     check_one_named,
     refusal,
 )
 
-Reflectance = tuple[Share, Share, Share]
 Ior = Annotated[Number, Ge(SMALLEST_IOR), Le(LARGEST_IOR)]
 
 

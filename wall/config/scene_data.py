@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from wall.core.color_maps import ColorMap
-from wall.core.fields import Flag, Model, Number, Period, Point, Positive, Seconds, Share, Text, Whole, refusal
+from wall.core.fields import Flag, Model, Number, Period, Point, Positive, Reflectance, Seconds, Text, Whole, refusal
 
 Column = Text | Annotated[Whole, Ge(0), Le(65535)]
 Three = tuple[Column, Column, Column]
@@ -58,7 +58,7 @@ class _DataConfig(Model):
     )
     scale: Positive = Field(default=1.0, description="by which the file's coordinates are multiplied")
     position: Point = Field(default=(0.0, 0.0, 0.0), description="where the file's origin is put, world units")
-    color: tuple[Share, Share, Share] | None = Field(default=None, description="linear RGB of all of it, 0..1")
+    color: Reflectance | None = Field(default=None, description="linear RGB of all of it, 0..1")
     series: SeriesConfig | None = Field(
         default=None,
         description="file is a series of steps in time: a pattern with one * for the number, such as wave_*.vti, a "

@@ -20,6 +20,7 @@ from wall.core.fields import (
     Period,
     Point,
     Positive,
+    Reflectance,
     RefreshRate,
     Seconds,
     Share,
@@ -28,7 +29,7 @@ from wall.core.fields import (
     refusal,
 )
 from wall.core.tone_mapping import ToneMapping
-from wall.operators.outline import LineColor, LineWidth
+from wall.operators.outline import LineWidth
 
 DEFAULT_FOV_DEGREES = 45.0
 ROUNDED = 1.0 + 1e-9  # shares that were worked out are not exact
@@ -195,7 +196,7 @@ class BorderConfig(Model):
     """A line around a view's viewport."""
 
     width: LineWidth = Field(default=2, description="pixels, inside of the viewport")
-    color: LineColor = Field(default=(1.0, 1.0, 1.0), description="linear RGB, 1: as bright as the display is")
+    color: Reflectance = Field(default=(1.0, 1.0, 1.0), description="linear RGB, 1: as bright as the display is")
 
 
 class ViewConfig(Model):

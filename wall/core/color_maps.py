@@ -13,10 +13,9 @@ from pydantic import Field, model_validator
 
 from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
-from wall.core.fields import Flag, Model, Number, Share, refusal
+from wall.core.fields import Flag, Model, Number, Reflectance, refusal
 
 STEPS = 256  # of a table; colours between them are blended
-Shown = tuple[Share, Share, Share]
 Bound = Annotated[Number, Ge(-1e300), Le(1e300)]
 
 
@@ -33,13 +32,13 @@ class ColorMap(Model):
     )
     scale: Literal["linear", "log"] = Field(default="linear", description="log: equal ratios are equal steps")
     reversed: Flag = Field(default=False, description="from the last colour to the first")
-    below: Shown | None = Field(
+    below: Reflectance | None = Field(
         default=None, description="linear RGB, 0..1, of numbers below the range; absent = as its lower end"
     )
-    above: Shown | None = Field(
+    above: Reflectance | None = Field(
         default=None, description="linear RGB, 0..1, of numbers above the range; absent = as its upper end"
     )
-    missing: Shown = Field(
+    missing: Reflectance = Field(
         default=(0.6, 0.0, 0.6),
         description="linear RGB, 0..1, where there is no number (NaN), and where a log scale has none",
     )

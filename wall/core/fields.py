@@ -6,17 +6,22 @@ Models are frozen, unknown keys are refused, and nothing is coerced: "480" is no
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated, Any
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictBool, StrictStr
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, StrictStr
 from pydantic_core import PydanticCustomError
+
+from wall.core.colour import srgb_decoded
 
 FARTHEST = 1e12  # world units; beyond it float64 positions are coarser than 0.1 mm
 BRIGHTEST = 1e9  # keeps products of light and reflectance finite in float32
 MOST_STRENGTH = 1e6  # factor of the light of a sky or an environment
 SMALLEST_IOR, LARGEST_IOR = 1.01, 4.0  # index of refraction
 MOST_DEPTH = 64  # surfaces of a path
+SRGB_PATTERN = "^#[0-9A-Fa-f]{6}$"
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # fit for file names
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -36,7 +41,6 @@ Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
 Order = Annotated[Whole, Ge(-1000), Le(1000)]  # of layers
 
 Point = tuple[Coordinate, Coordinate, Coordinate]
-Color = tuple[Brightness, Brightness, Brightness]
 
 
 class Model(BaseModel):
@@ -49,6 +53,25 @@ def refusal(problem: str, *, accepted: str = "", at: tuple[str | int, ...] = ())
     """The error that a validator raises; `at` leads from the validated value to the culprit inside it."""
     context: dict[str, Any] = {"problem": problem, "accepted": accepted, "at": at}
     return PydanticCustomError("refused", "{problem}", context)
+
+
+def _linear(color: Any) -> Any:
+    """Linear RGB of a code #rrggbb; what is no text as it came."""
+    if not isinstance(color, str):
+        return color
+    if not re.fullmatch(SRGB_PATTERN, color):
+        raise refusal("is no colour", accepted="'#rrggbb' (sRGB), or [red, green, blue], linear")
+    return tuple(srgb_decoded(np.array(list(bytes.fromhex(color[1:]))) / 255.0).tolist())
+
+
+_Code = Annotated[StrictStr, Field(pattern=SRGB_PATTERN, description="sRGB as #rrggbb")]
+Color = Annotated[  # linear, or #rrggbb
+    tuple[Brightness, Brightness, Brightness],
+    BeforeValidator(_linear, json_schema_input_type=tuple[Brightness, Brightness, Brightness] | _Code),
+]
+Reflectance = Annotated[  # so too, to 1
+    tuple[Share, Share, Share], BeforeValidator(_linear, json_schema_input_type=tuple[Share, Share, Share] | _Code)
+]
 
 
 def _with_length(vector: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -158,8 +158,8 @@ def _share_pixels(first: Panel, second: Panel) -> bool:
 
 
 def _folded(loaded: Loaded, wall: Wall) -> Iterator[str]:
-    """Light that is there twice, where nothing can fade out: in planes of their own."""
-    if wall.flat:
+    """Light that is there twice, where nothing can fade out: in planes of their own, or turned in one."""
+    if len(wall.faces) == 1:
         return
     for number in range(len(loaded.config.views)):
         panels = wall.of_view(number).panels
@@ -170,11 +170,15 @@ def _folded(loaded: Loaded, wall: Wall) -> Iterator[str]:
         found = [pair for pair in pairs if not (_masked(pair.first) and _masked(pair.second))]
         if found:
             message = (
-                f"lights {100 * found[0].share:.2g} % of its area where the eye also sees panel {found[0].first.id}, "
-                "which lies in another plane or surface: overlap and blend hold in one alone, so there light adds up"
+                f"lights {_percent(found[0].share)} of its area where the eye also sees panel {found[0].first.id}, "
+                "which lies in another plane or surface, or is turned: overlap and blend do not hold, so light adds up"
             )
             later = list({pair.second.index: pair.second for pair in found}.values())
             yield _note(loaded, later, message, "corners that meet as the eye sees them")
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
 def _coarse(loaded: Loaded, wall: Wall) -> Iterator[str]:

@@ -1,4 +1,5 @@
-"""Panels that light the same directions from planes of their own, as projectors before a bent screen do."""
+"""Panels that light the same directions from planes of their own, or turned in one plane, as projectors before a bent
+screen do."""
 
 from __future__ import annotations
 
@@ -14,11 +15,11 @@ from wall.geometry.surfaces import pixels_seen
 
 CELLS = 64  # a side, by whose middles a curved panel is compared with another
 WIDEST_SEAM = 0.5  # pixels: what is narrower is a seam of rounded corners
-SAME_PLANE = 1e-6  # of a normal, and of the wall's size
+SAME_PLANE = 1e-6  # of a normal's cosine and an axis', and of the wall's size
 
 
 class FoldedOverlap(NamedTuple):
-    """What an eye sees through two panels that do not lie in one plane."""
+    """What an eye sees through two panels that do not lie in one plane side by side."""
 
     first: Panel
     second: Panel
@@ -26,7 +27,7 @@ class FoldedOverlap(NamedTuple):
 
 
 def folded_overlaps(panels: Sequence[Panel], eyes: Float64) -> Iterator[FoldedOverlap]:
-    """Pairs of panels that one eye sees behind each other, and that lie in different planes.
+    """Pairs of panels that one eye sees behind each other, and that lie in different planes or turned in one.
 
     Exact for flat ones: a panel is cut by the four planes through the eye and the other's edges. Of a pair with a
     curved one, what is wider than 1 / CELLS of the second is found. Parts of one cylinder or dome are no pair.
@@ -40,12 +41,14 @@ def folded_overlaps(panels: Sequence[Panel], eyes: Float64) -> Iterator[FoldedOv
     cones = [_cone(panel, eye) for panel, eye in zip(panels, eyes, strict=True)]
     axes, widths = np.array([axis for axis, _ in cones]), np.array([width for _, width in cones])
     normals = np.array([panel.plane.normal for panel in panels])
+    rights = np.array([panel.plane.per_x / np.linalg.norm(panel.plane.per_x) for panel in panels])
     size = float(np.abs(outlines - outlines[0, 0]).max())
     for k in range(len(panels) - 1):
         beside = np.arccos(np.clip(axes[k + 1 :] @ axes[k], -1.0, 1.0))
         near = beside < widths[k] + widths[k + 1 :]
         near &= (eyes[k + 1 :] == eyes[k]).all(axis=1)
         same = normals[k + 1 :] @ normals[k] > 1.0 - SAME_PLANE
+        same &= rights[k + 1 :] @ rights[k] > 1.0 - SAME_PLANE
         same &= np.abs((outlines[k + 1 :, 0] - outlines[k, 0]) @ normals[k]) < SAME_PLANE * size
         curved = np.array([panels[k].surface is not None or p.surface is not None for p in panels[k + 1 :]])
         for m in (k + 1 + np.flatnonzero(near & (curved | ~same))).tolist():

@@ -58,7 +58,27 @@ class Legend(Operator):
                 f"is {width} x {height} pixels, too little for text of {self.size}",
                 accepted=f"{least} x {least} pixels or more, or a smaller size", at=("area",),
             )  # fmt: skip
+        across, down = self._title_size()
+        if across > width:
+            raise refusal(
+                f"is {width} pixels wide, and the title takes {across} at size {self.size}",
+                accepted="a wider area, a smaller size, or a title on several lines", at=("area",),
+            )  # fmt: skip
+        if height - down - 2 * self.size < self.size // 2:
+            raise refusal(
+                f"is {height} pixels high, of which the title takes {down} and the numbers {2 * self.size}",
+                accepted=f"{down + 2 * self.size + self.size // 2} pixels or more, or a smaller size", at=("area",),
+            )  # fmt: skip
         return self
+
+    def _title_size(self) -> tuple[int, int]:
+        """Pixels across and down that the title takes, with margins left, right and above; without one a margin."""
+        margin = self.size // 2
+        if self.title is None:
+            return 0, margin
+        pen, font = ImageDraw.Draw(Image.new("L", (1, 1))), ImageFont.load_default(self.size)
+        _, _, right, bottom = pen.multiline_textbbox((margin, margin), self.title, font=font)
+        return math.ceil(right) + margin, int(bottom) + margin
 
     def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Drawn:
         """The legend as pixels."""
@@ -88,11 +108,9 @@ class Legend(Operator):
     def _paint(self, image: Image.Image) -> None:
         pen, font, margin = ImageDraw.Draw(image), ImageFont.load_default(self.size), self.size // 2
         upright = image.height > image.width
-        top = margin
         if self.title is not None:
-            pen.multiline_text((margin, top), self.title, fill=WHITE, font=font)
-            top = int(pen.multiline_textbbox((margin, top), self.title, font=font)[3]) + margin
-        bar = self._bar(image.size, top, upright=upright)
+            pen.multiline_text((margin, margin), self.title, fill=WHITE, font=font)
+        bar = self._bar(image.size, self._title_size()[1], upright=upright)
         image.paste(Image.fromarray(self._colors(bar, upright=upright)), (bar.x, bar.y))
         for number in self._numbers(bar.height // (2 * self.size) if upright else bar.width // (4 * self.size)):
             share = float(self.color_map.places(np.array([number]))[0])
@@ -110,11 +128,9 @@ class Legend(Operator):
         """Where the colours are in an image of this size, below `top`; half a number's height is left at its ends."""
         width, height = size
         if upright:
-            return Rect(
-                x=self.size // 2, y=top + self.size // 2, width=self.size, height=max(1, height - top - 2 * self.size)
-            )
+            return Rect(x=self.size // 2, y=top + self.size // 2, width=self.size, height=height - top - 2 * self.size)
         aside = 2 * self.size
-        return Rect(x=aside, y=top, width=max(1, width - 2 * aside), height=max(1, height - top - 2 * self.size))
+        return Rect(x=aside, y=top, width=max(1, width - 2 * aside), height=height - top - 2 * self.size)
 
     def _colors(self, bar: Rect, *, upright: bool) -> NDArray[np.uint8]:
         """(h, w, 4) bytes of the bar."""

@@ -11,14 +11,13 @@ from pydantic import Field
 
 from wall.core.colour import srgb_codes
 from wall.core.data import Framelet, Rect
-from wall.core.fields import Share, Whole
+from wall.core.fields import Reflectance, Whole
 from wall.operators.base import Input, Operator
 from wall.operators.regions import copy, pixels_of
 
 Side = Literal["left", "top", "right", "bottom"]
 SIDES: tuple[Side, ...] = ("left", "top", "right", "bottom")
 LineWidth = Annotated[Whole, Ge(1), Le(256)]
-LineColor = tuple[Share, Share, Share]
 
 
 class Outline(Operator):
@@ -27,7 +26,7 @@ class Outline(Operator):
     op: Literal["outline"] = Field(description="a line along the edges")
     input: Input
     width: LineWidth = Field(default=2, description="pixels")
-    color: LineColor = Field(default=(1.0, 1.0, 1.0), description="linear RGB, 1: as bright as the display is")
+    color: Reflectance = Field(default=(1.0, 1.0, 1.0), description="linear RGB, 1: as bright as the display is")
     sides: Annotated[tuple[Side, ...], Field(min_length=1, max_length=4)] = Field(
         default=SIDES, description="left, top, right, bottom: which edges have one"
     )

@@ -70,10 +70,18 @@ def renamed(path: Path) -> tuple[bytes, dict[str, Any]]:
 
 
 def check_read(header: dict[str, Any]) -> None:
-    """Raise ValueError for what would give wrong shapes: sparse accessors of meshes, instances and animations.
+    """Raise ValueError for what would give wrong shapes: sparse accessors of meshes, instances and animations, and for
+    nodes that are below themselves.
 
     Accessors of morph targets are not read, whatever they are.
     """
+    above = {child: k for k, node in enumerate(header.get("nodes", [])) for child in node.get("children", [])}
+    for start in above:
+        node, seen = start, set[int]()
+        while (node := above.get(node, -1)) >= 0 and node not in seen:
+            if node == start:
+                raise ValueError(f"its nodes {sorted(seen | {start})} are children of each other in a circle")
+            seen.add(node)
     primitives = [primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]]
     used = {number for primitive in primitives for number in primitive["attributes"].values()}
     used |= {primitive["indices"] for primitive in primitives if "indices" in primitive}

@@ -48,7 +48,7 @@ from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.mtl import Maps, options_of
 from wall.scene.repair import RawMesh, Repaired, repair
-from wall.scene.unreadable import why_unreadable
+from wall.scene.unreadable import as_utf8, check_ply, why_unreadable
 from wall.scene.up import Y_FROM
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -70,6 +70,8 @@ def load(path: Path, up: Up = "auto") -> Source:
         turn[:3, :3] = Y_FROM[chosen]
         guess = f"{path.name}: the format does not say which way is up; {chosen} is taken to be; scene.up or --up says"
         notes += [guess] if up == "auto" else []
+    elif up != "auto":
+        notes.append(f"{path.name}: glTF says that y is up; scene.up or --up changes nothing here")
     palette = Palette(linear_vertex_colors=gltf, header=header, maps=Maps(_Beside(str(path)).get))
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
@@ -92,7 +94,7 @@ def load(path: Path, up: Up = "auto") -> Source:
     if not instances:
         raise SceneError(
             f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"
-            + "".join(f"\n  {note}" for note in notes)
+            + "".join(f"\n  {note}" for note in [why_unreadable(path), *notes] if note)
         )
     notes += [f"{path.name}: {what}" for what in said]
     source = Source(
@@ -128,7 +130,7 @@ def _read(path: Path) -> tuple[Any, list[str], dict[str, Any]]:
     if path.suffix.lower() not in FORMATS:
         raise SceneError(f"{path}: no built-in scene and no known kind of model, known are {known}")
     if not path.is_file():
-        raise SceneError(f"{path}: there is no such file")
+        raise SceneError(f"{path}: is a folder" if path.is_dir() else f"{path}: there is no such file")
     with _overheard(path.name) as notes:
         try:
             with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -149,8 +151,11 @@ def _parsed(path: Path) -> tuple[Any, dict[str, Any]]:
         check_read(header)
         return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=beside, process=False), header
     data = read_file(path, MOST_BYTES)
+    if kind == "ply":
+        check_ply(data)
     if kind != "obj":  # of a whole path trimesh takes the kind and the object's name
-        return trimesh.load_scene(io.BytesIO(data), file_type=str(path), resolver=beside, process=False), {}
+        file = io.BytesIO(as_utf8(data, kind))
+        return trimesh.load_scene(file, file_type=str(path), resolver=beside, process=False), {}
     text = io.StringIO(data.decode("utf-8", "replace"))
     return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True), {}
 
@@ -163,7 +168,7 @@ class _Beside(trimesh.resolvers.FilePathResolver):
         name = options_of(name.split())[1] if name.strip().startswith("-") else name.strip()  # of a map_Kd
         inside = [self.absolute(each) for each in (name, name.lstrip("/"), Path(name).name) if self._is_inside(each)]
         found = next((path for path in inside if path.exists()), self.absolute(name))
-        return read_file(found, MOST_BYTES)
+        return as_utf8(read_file(found, MOST_BYTES), found.suffix.lower()[1:])
 
     def _is_inside(self, name: str) -> bool:
         parent = Path(self.parent).resolve()

@@ -46,7 +46,8 @@ def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
 def make_source(name: str, base_folder: Path, up: Up = "auto") -> Source:
     """A built-in scene by its name, or a model file; `up`: see SceneConfig. Raises SceneError."""
     if name in BUILT_IN:
-        return BUILT_IN[name]()
+        said = () if up == "auto" else (f"{name}: a built-in scene has y up; scene.up or --up changes nothing here",)
+        return replace(BUILT_IN[name](), notes=said)
     if not Path(name).suffix:
         near = nearest(name, BUILT_IN) or ";"
         raise SceneError(f"{name}: no built-in scene, and no model file{near} built in are {', '.join(BUILT_IN)}")

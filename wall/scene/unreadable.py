@@ -1,25 +1,79 @@
-"""What is wrong with a model's file, where its parser says so only in words of its own."""
+"""What is wrong with a model's file, where its parser says so only in words of its own, or not at all."""
 
 from __future__ import annotations
 
+import re
+import struct
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
-from wall.scene.gltf import HEADER
+from wall.scene.gltf import HEADER, MALFORMED, renamed
 
+STL_HEADER = struct.Struct("<80xI")  # how many triangles
+STL_TRIANGLE_BYTES = 50
+TEXT = ("mtl", "obj", "ply", "stl")  # of these kinds, trimesh wants UTF-8, or a package that guesses
 SHOWN = 60  # characters of a line
+REFERENCES = {  # of glTF: the list that each member of a list's entries counts in
+    "scenes": {"nodes": "nodes"},
+    "nodes": {"children": "nodes", "mesh": "meshes", "camera": "cameras", "skin": "skins"},
+    "accessors": {"bufferView": "bufferViews"},
+    "bufferViews": {"buffer": "buffers"},
+    "images": {"bufferView": "bufferViews"},
+    "textures": {"source": "images", "sampler": "samplers"},
+}
 WIDTHS = {"v": 3, "vt": 2, "vn": 3}  # numbers at least
 
 
+def as_utf8(data: bytes, kind: str) -> bytes:
+    """Text of a model's file in UTF-8, whatever encoding it is in: what is not UTF-8 already is taken for Latin-1.
+
+    Binary files come back as they are; of a PLY only the header is text.
+    """
+    binary = kind == "stl" and len(data) >= STL_HEADER.size and len(data) == _stl_size(data)
+    if kind not in TEXT or binary:
+        return data
+    head, end, rest = data.partition(b"end_header") if kind == "ply" else (data, b"", b"")
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError:
+        return head.decode("latin-1").encode("utf-8") + end + rest
+    return data
+
+
+def check_ply(data: bytes) -> None:
+    """Raise ValueError for a PLY file in text that has fewer lines than its header tells; of binary ones its parser
+    counts the bytes."""
+    head, _, body = data.partition(b"end_header")
+    if not re.search(rb"^format\s+ascii", head, re.MULTILINE):
+        return
+    told = sum(int(count) for count in re.findall(rb"^element\s+\S+\s+(\d+)", head, re.MULTILINE))
+    there = len(body.split(b"\n" if b"\n" in body else b"\r")) - 2  # the first ends the header, the last is empty
+    there += bool(body.rstrip(b" ") and not body.endswith((b"\n", b"\r")))
+    if there < told:
+        raise ValueError(f"the file ends after {max(there, 0)} of the {told} lines that its header tells")
+
+
+def _stl_size(data: bytes) -> int:
+    """Bytes of a binary STL file, as its header tells."""
+    (triangles,) = STL_HEADER.unpack_from(data)
+    return STL_HEADER.size + STL_TRIANGLE_BYTES * int(triangles)
+
+
 def why_unreadable(path: Path) -> str:
-    """The first fault in an OBJ file, with its line, or that a GLB file is cut short; "" where none is known."""
+    """The first fault in an OBJ file, with its line, a reference of a glTF file to nothing, or that a GLB or STL file
+    is cut short; "" where none is known."""
     try:
         if path.suffix.lower() == ".obj":
             return _in_obj(path.read_text(encoding="latin-1"))
         if path.suffix.lower() == ".glb":
-            return _in_glb(path)
-    except OSError:
+            return _in_glb(path) or _in_gltf(renamed(path)[1])
+        if path.suffix.lower() == ".gltf":
+            return _in_gltf(renamed(path)[1])
+        if path.suffix.lower() == ".stl":
+            return _in_stl(path.read_bytes())
+    except (OSError, *MALFORMED):
         pass
     return ""
 
@@ -68,3 +122,37 @@ def _in_glb(path: Path) -> str:
         return f"the file ends after {size} bytes; wanted: a header of {HEADER.size}"
     _, _, wanted = HEADER.unpack(head)
     return f"the file ends after {size} of the {wanted} bytes that its header tells" if size < wanted else ""
+
+
+def _in_stl(data: bytes) -> str:
+    if data[:5].lower() == b"solid" and b"facet" in data:
+        return "" if b"endsolid" in data else "the file ends without its line endsolid"
+    if len(data) < STL_HEADER.size:
+        return f"the file ends after {len(data)} bytes; wanted: a header of {STL_HEADER.size}"
+    wanted = _stl_size(data)
+    return f"the file ends after {len(data)} of the {wanted} bytes that its header tells" if len(data) < wanted else ""
+
+
+def _in_gltf(header: dict[str, Any]) -> str:
+    for where, kind, number in _references(header):
+        count = len(header.get(kind, []))
+        if not 0 <= number < count:
+            return f"{where} = {number}: it has {count or 'no'} {kind}"
+    return ""
+
+
+def _references(header: dict[str, Any]) -> Iterator[tuple[str, str, int]]:
+    """Where a glTF file names an entry of one of its lists, by its number: the place, the list, and the number."""
+    for kind, members in REFERENCES.items():
+        for k, entry in enumerate(header.get(kind, [])):
+            for member, other in members.items():
+                found = entry.get(member, [])
+                for number in found if isinstance(found, list) else [found]:
+                    yield f"{kind}[{k}].{member}", other, number
+    for k, mesh in enumerate(header.get("meshes", [])):
+        for n, primitive in enumerate(mesh["primitives"]):
+            at = f"meshes[{k}].primitives[{n}]"
+            yield from ((f"{at}.{name}", "accessors", number) for name, number in primitive["attributes"].items())
+            for name, other in (("indices", "accessors"), ("material", "materials")):
+                if name in primitive:
+                    yield f"{at}.{name}", other, primitive[name]

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
 
+import numpy as np
+
 from wall.commands.one_view import plan_of_view
 from wall.commands.render import render_layers
 from wall.core.data import Float32
@@ -83,7 +85,13 @@ def render(
     if view is not None:
         plan = plan_of_view(plan, view)
     found = render_layers(
-        plan, spp=samples, seed=seed, at=at, size=size, layers=names, tracer_scene=tracer_scene.under(plan.scene)
+        plan,
+        spp=int(samples),
+        seed=int(seed),
+        at=float(at),
+        size=None if size is None else (int(size[0]), int(size[1])),
+        layers=names,
+        tracer_scene=tracer_scene.under(plan.scene),
     )
     assert found is not None  # it is only at other ranks of MPI
     return found["colour"] if layers is None else found
@@ -94,7 +102,11 @@ def _camera(camera: str | Words) -> str | Words:
 
 
 def _is_size(value: object) -> bool:
-    return isinstance(value, tuple | list) and len(value) == 2 and all(isinstance(n, int) and n > 0 for n in value)
+    return isinstance(value, tuple | list) and len(value) == 2 and all(_is_whole(n) and n > 0 for n in value)
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int | np.integer)
 
 
 def _check(size: tuple[int, int] | None, *, samples: int, seed: int, at: float) -> None:
@@ -105,9 +117,9 @@ def _check(size: tuple[int, int] | None, *, samples: int, seed: int, at: float) 
         )
     if size is not None and not _is_size(size):
         raise ConfigError(f"size = {size!r}: is no size; accepted: width and height in pixels, as in (960, 540)")
-    if not (isinstance(samples, int) and 1 <= samples <= MOST_SAMPLES):
+    if not (_is_whole(samples) and 1 <= samples <= MOST_SAMPLES):
         raise ConfigError(f"samples = {samples!r}: accepted: a whole number from 1 to {MOST_SAMPLES}")
-    if not (isinstance(seed, int) and 0 <= seed <= MOST_SEED):
+    if not (_is_whole(seed) and 0 <= seed <= MOST_SEED):
         raise ConfigError(f"seed = {seed!r}: accepted: a whole number from 0 to {MOST_SEED}")
-    if not 0.0 <= at < float("inf"):
+    if not (isinstance(at, int | float | np.number) and 0.0 <= at < float("inf")):
         raise ConfigError(f"at = {at!r}: accepted: seconds from 0 on")

@@ -40,6 +40,21 @@ def test_a_wrong_part_of_a_mapping_is_the_only_thing_that_is_said_of_it() -> Non
     assert lines[0].startswith("a.yaml:3:66: scene.data[0].radius.factor = -1: is too small")
 
 
+def test_a_number_that_is_out_of_bounds_is_not_said_to_be_no_mapping() -> None:
+    data = "data: [{type: points, file: a.csv, radius: -1}]"
+    [line] = refusal(changed("source: courtyard", data)).splitlines()
+    assert "scene.data[0].radius = -1: is too small; accepted: a number above 0" in line
+
+
+def test_colours_may_be_codes() -> None:
+    """Of sRGB: 188 is half of the light."""
+    data = "data: [{type: points, file: a.csv, radius: 1, color: '#ffbc00'}]"
+    [points] = loads(changed("source: courtyard", data)).config.scene.data
+    assert points.color == pytest.approx((1.0, 0.5, 0.0), abs=0.005)
+    [line] = refusal(changed("source: courtyard", data.replace("#ffbc00", "red"))).splitlines()
+    assert "color = 'red': is no colour; accepted: '#rrggbb' (sRGB), or [red, green, blue], linear" in line
+
+
 def test_good_text_loads() -> None:
     assert loads(GOOD).config.wall.grid is not None
 

@@ -234,7 +234,7 @@ def test_parts_of_one_cylinder_overlap_along_the_arc() -> None:
 def test_what_an_eye_sees_before_or_behind_a_curved_panel_is_noted() -> None:
     flat = {"id": "b", "pixels": [40, 30], "corners": FLAT}
     [note] = notes([panel(BENT), flat], eye=[0.0, 0.0, 0.5])
-    assert "panel b: lights 1e+02 % of its area where the eye also sees panel a" in note.replace("\n", " ")
+    assert "panel b: lights 100 % of its area where the eye also sees panel a" in note.replace("\n", " ")
     beside = {key: [x - 1.0, y, z] for key, (x, y, z) in FLAT.items()}
     assert notes([panel(BENT), {**flat, "corners": beside}], eye=[0.0, 0.0, 0.5]) == []
     other = {**BENT, "radius": 3.0, "angles": [40.0, 80.0]}

@@ -100,6 +100,10 @@ def test_a_legend_needs_a_range_and_room() -> None:
         made(Legend, input="a", color_map={"name": "gray"}, area=UPRIGHT)
     with pytest.raises(ValidationError, match="is 60 x 39 pixels, too little for text of 10"):
         legend(area=(0, 0, 60, 39))
+    with pytest.raises(ValidationError, match=r"60 pixels wide, and the title takes [0-9]+ at size 10"):
+        legend(area=(0, 0, 60, 90), title="temperature of the water")
+    with pytest.raises(ValidationError, match=r"50 pixels high, of which the title takes 4[0-9] and the numbers 20"):
+        legend(area=(0, 0, 90, 50), title="heat\nof\nwater")
 
 
 def test_numbers_outside_and_missing_ones_have_the_colours_that_are_said() -> None:

@@ -129,6 +129,7 @@ def test_points_that_cannot_be_drawn_are_left_out_and_counted(tmp_path: Path) ->
             "no known kind of points, known are .ply, .npy, .npz, .csv, .txt, .xyz, and built in galaxy",
         ),
         ({"file": "text.npy"}, "text.npy: cannot be read as npy, it holds no arrays of numbers"),
+        ({"file": "half.npz"}, "half.npz: cannot be read as npz, it is damaged or cut short"),
         ({"file": "words.xyz"}, "words.xyz: cannot be read as xyz, ValueError: no row of numbers"),
         ({"file": "pickles.csv"}, "pickles.csv: cannot be read as csv, ValueError: could not convert string 'pickle'"),
         ({"file": "flat.npy"}, "flat.npy: has the columns 0, 1; wanted at least three"),
@@ -138,6 +139,8 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path: Path, keys: dict[str, Any],
     _csv(tmp_path / "a.csv")
     (tmp_path / "a.las").write_bytes(b"LASF")
     (tmp_path / "text.npy").write_text("no array")
+    np.savez(tmp_path / "whole.npz", x=ROWS[:, 0], y=ROWS[:, 1], z=ROWS[:, 2])
+    (tmp_path / "half.npz").write_bytes((tmp_path / "whole.npz").read_bytes()[:200])
     (tmp_path / "words.xyz").write_text("some words\n")
     (tmp_path / "pickles.csv").write_text("x,y,z\n1,2,3\n1,2,pickle\n")
     np.save(tmp_path / "flat.npy", ROWS[:, :2])

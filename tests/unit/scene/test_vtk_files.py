@@ -30,6 +30,22 @@ TWO_TETRAHEDRA = """\
 """
 
 
+SHEET = """\
+# vtk DataFile Version 3.0
+a triangle with numbers
+ASCII
+DATASET POLYDATA
+POINTS 3 float
+0 0 0 1 0 0 0 1 0
+POLYGONS 1 4
+3 0 1 2
+POINT_DATA 3
+SCALARS heat float 1
+LOOKUP_TABLE default
+0 0.7 1
+"""
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two tetrahedra that share a face, and the distance from the middle of a grid from -1 to 1."""
@@ -126,6 +142,10 @@ def test_an_isosurface_of_vectors_is_where_they_have_that_length(folder: Path) -
             {"type": "isosurface", "file": "ball.vtk", "array": "distance", "value": 2.0},
             r"scene.data\[0\].value = 2: 'distance' of ball.vtk is from 0 to 1.73205, never that",
         ),
+        (
+            {"type": "isosurface", "file": "sheet.vtk", "value": 0.5},
+            r"scene.data\[0\]: sheet.vtk holds surfaces, lines or points; wanted: cells in space",
+        ),
         ({"type": "surface", "file": "broken.vtu"}, "broken.vtu: VTK cannot read it: Error parsing input file"),
         ({"type": "surface", "file": "none.vtp"}, "none.vtp: there is no such file"),
         ({"type": "surface", "file": "a.stl"}, "no known kind of surface or field"),
@@ -133,6 +153,7 @@ def test_an_isosurface_of_vectors_is_where_they_have_that_length(folder: Path) -
 )
 def test_what_is_wrong_with_a_file_is_said(folder: Path, keys: dict[str, Any], said: str) -> None:
     (folder / "broken.vtu").write_text(TWO_TETRAHEDRA[:300])
+    (folder / "sheet.vtk").write_text(SHEET)
     with pytest.raises(SceneError, match=said):
         scene_with(folder, **keys)
 

@@ -114,6 +114,7 @@ class TestLayers:
         ({"samples": 0}, "samples = 0: accepted: a whole number from 1 to 65536"),
         ({"seed": -1}, "seed = -1: accepted"),
         ({"at": -1.0}, "at = -1.0: accepted"),
+        ({"at": "2.5"}, "at = '2.5': accepted: seconds"),
         ({"camera": {"position": (1, 2, 3)}}, "views[0].camera: has only one of position and target"),
         ({"integrator": "pathe"}, "views[0].integrator.method = 'pathe': is not known"),
         ({"view": "none"}, "none: courtyard has no such view; accepted: main"),
@@ -123,6 +124,12 @@ def test_what_cannot_be_rendered_is_refused(options: dict[str, Any], said: str) 
     with pytest.raises(ConfigError) as refused:
         wall.render(SCENE, **options)
     assert said in str(refused.value)
+
+
+def test_numbers_may_be_those_of_numpy() -> None:
+    sizes = np.array([32, 18])
+    image = wall.render(SCENE, size=(sizes[0], sizes[1]), samples=np.int32(1), seed=np.uint32(3), at=np.float32(0.5))
+    np.testing.assert_array_equal(image, wall.render(SCENE, size=(32, 18), samples=1, seed=3, at=0.5))
 
 
 def test_only_an_exr_holds_layers(tmp_path: Path) -> None:

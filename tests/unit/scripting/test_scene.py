@@ -57,7 +57,7 @@ def test_a_folder_hides_no_built_in_scene(tmp_path: Path, monkeypatch: pytest.Mo
     [
         ({"type": "pint"}, "scene.lights[0].type = 'pint': is not known"),
         ({"type": "point", "position": (1, 2), "intensity": (1, 1, 1)}, "scene.lights[0].position[2]: is missing"),
-        ({"type": "point", "position": (1, 2, 3), "intensity": "red"}, "scene.lights[0].intensity = 'red': is not"),
+        ({"type": "point", "position": (1, 2, 3), "intensity": "red"}, "scene.lights[0].intensity = 'red': is no colour"),
         ({"type": "point", "position": np.ones(3), "intensity": (1, 1, 1), "size": 3}, "lights[0].size: unknown key"),
         ({"type": "point", "position": object()}, "is no value of a configuration"),
     ],
@@ -149,3 +149,9 @@ def test_data_that_is_given_for_a_model_is_told_from_it(tmp_path: Path) -> None:
     (tmp_path / "field.vti").write_text("<VTKFile/>")
     with pytest.raises(ConfigError, match="is data, and no model"):
         wall.Scene(tmp_path / "field.vti")
+
+
+def test_models_of_other_formats_are_no_configurations(tmp_path: Path) -> None:
+    (tmp_path / "cow.fbx").write_bytes(b"Kaydara FBX Binary  ")
+    with pytest.raises(ConfigError, match=r"no kind of model that is read; those are \.glb, "):
+        wall.Scene(tmp_path / "cow.fbx")

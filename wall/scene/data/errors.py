@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from zipfile import BadZipFile
+
 from wall.core.errors import SceneError
 
 
@@ -14,4 +16,6 @@ def parser_says(error: Exception) -> str:
     tells how to load these unsafely."""
     if "allow_pickle" in str(error):
         return "it holds no arrays of numbers"
+    if isinstance(error, BadZipFile | EOFError):
+        return f"it is damaged or cut short: {error}"
     return f"{type(error).__name__}: {error}"

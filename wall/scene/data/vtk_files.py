@@ -137,6 +137,8 @@ def isosurface(
 
     array : None: its only one; where : of the entry in the configuration, for errors
     """
+    if data_set.IsA("vtkPolyData"):
+        raise SceneError(f"{where}: {path.name} holds surfaces, lines or points; wanted: cells in space")
     name, of_points = _array(data_set, array or _only_array(data_set, path, where), path, f"{where}.array")
     chosen = None if color_array is None else _array(data_set, color_array, path, f"{where}.color_by.array")
     if not of_points or (chosen is not None and not chosen[1]):
