@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A wall on several hosts by ssh, without a batch system:
-#   launch/mpirun-hosts.sh hosts.txt 5 configs/two_by_two.yaml --seconds 60
+#   launch/mpirun-hosts.sh hosts.txt 5 configs/demo.yaml --seconds 60
 # hosts.txt has one line for each host, such as: node1 slots=3. The clone and its .venv must be at the same path on all
 # hosts. Relative paths start where this is called; that folder must be there on all hosts too. MPIRUN_OPTIONS are
 # handed to mpirun: MPIRUN_OPTIONS="--oversubscribe --allow-run-as-root" launch/mpirun-hosts.sh ...

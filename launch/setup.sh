@@ -42,15 +42,24 @@ _install_wall() {
     return "${PIPESTATUS[0]}"
 }
 
-# On a terminal one line that is overwritten, otherwise one line for each package.
+# On a terminal one line that is overwritten, otherwise one line for each package; then what else it said, if it failed.
 _show_progress() {
-    local line log=""
+    local line said=()
     while IFS= read -r line; do
         case "$line" in
             Collecting*|Downloading*|Installing*|Building*|"  Preparing"*)
                 if [ -t 1 ]; then printf '\r\033[K  %.70s' "$line"; else printf '  %.100s\n' "$line"; fi ;;
-            *ERROR*|*error*) printf '\n%s\n' "$line" ;;
-            Successfully*) if [ -t 1 ]; then printf '\r\033[K'; fi; echo "  installed $(wc -w <<<"$line") packages" ;;
+            Successfully*)
+                if [ -t 1 ]; then printf '\r\033[K'; fi
+                echo "  installed $(wc -w <<<"$line") packages"
+                return ;;
+            "  "*|Requirement*|Obtaining*|"") ;;
+            *) said+=("$line") ;;
         esac
     done
+    [ -t 1 ] && printf '\r\033[K'
+    printf '%.300s\n' "${said[@]: -8}" >&2
+    case "${said[*]}" in *"onnection"*|*"name resolution"*|*"timed out"*)
+        echo "the package index cannot be reached; without a network: docs/guide/cluster.md, Before the first run" >&2 ;;
+    esac
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A wall on a Slurm cluster:  sbatch --ntasks=5 launch/slurm.sh configs/two_by_two.yaml --seconds 60 --headless
+# A wall on a Slurm cluster:  sbatch --ntasks=5 launch/slurm.sh configs/demo.yaml --seconds 60 --headless
 # `wall check CONFIG` says how many tasks a configuration needs. --cpus-per-task gives each of them more cores.
 # Relative paths start where sbatch is called. MPIRUN_OPTIONS are handed to mpirun.
 #SBATCH --job-name=wall
@@ -18,6 +18,7 @@ export PATH="$clone/.venv/bin:$PATH"
 
 # mpirun inside the allocation, not srun: only mpirun lets the other ranks continue when one dies (ULFM).
 # The configuration must listen where other nodes can reach it: transport: {bind: 0.0.0.0}
+# Slurm's CPUs are hardware threads where cores have several: --use-hwthread-cpus counts as it does.
 # shellcheck disable=SC2086  # several options
-exec mpirun --with-ft ulfm ${MPIRUN_OPTIONS:-} --map-by "slot:PE=${SLURM_CPUS_PER_TASK:-1}" -n "${SLURM_NTASKS:?submit this with sbatch --ntasks=N}" \
+exec mpirun --with-ft ulfm --use-hwthread-cpus ${MPIRUN_OPTIONS:-} --map-by "slot:PE=${SLURM_CPUS_PER_TASK:-1}" -n "${SLURM_NTASKS:?submit this with sbatch --ntasks=N}" \
     wall run "$@"

@@ -94,7 +94,7 @@ def run(
 
     [bold]wall run configs/demo.yaml --seconds 10 --film demo.mp4[/]
 
-    [bold]mpirun -x PATH -n 5 wall run configs/demo.yaml --headless --seconds 20[/]
+    [bold]mpirun --with-ft ulfm -x PATH -n 5 wall run configs/demo.yaml --headless --seconds 20[/]
     """
     from wall.commands.progress import StartProgress, show_summary
     from wall.run import launch

@@ -153,7 +153,7 @@ def test_check_tells_ranks_features_and_rates_and_loads_only_what_it_measures(tm
     for words in (
         ": ok",
         "5 ranks",
-        "mpirun -x PATH -n 5",
+        "mpirun --with-ft ulfm -x PATH -n 5",
         "head",
         "renderer",
         "smooth normals",

@@ -89,7 +89,7 @@ def _extent(plan: Plan) -> str:
 
 def launch_line(layout: Layout, cores: int) -> str:
     """How to start the ranks; mpirun refuses more ranks than a machine has cores unless it is told to oversubscribe."""
-    start = f"mpirun -x PATH -n {layout.size} wall run {layout.loaded.path}"
+    start = f"mpirun --with-ft ulfm -x PATH -n {layout.size} wall run {layout.loaded.path}"
     if layout.size <= cores:
         return f"launch: {start}"
     return (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from graphlib import CycleError, TopologicalSorter
 
 from wall.compositing.graph import Graph
@@ -10,6 +10,7 @@ from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path
 from wall.config.graph import FrameSync, NodeGraph, PresetGraph, SinkNode
 from wall.config.loading import Loaded, nearest
+from wall.core.network import is_loopback
 from wall.geometry.panels import Wall
 from wall.geometry.rects import panel_rect
 from wall.geometry.strips import LEAST_ROWS
@@ -117,20 +118,41 @@ def check_windows_are_apart(graph: Graph, config: NodeGraph, wall: Wall, refusal
             refusals.add(node, ["input"], came, f"panels without a window on the same rank, or no {other}")
 
 
-def notes_of_hosts(graph: Graph, wall: Wall) -> tuple[str, ...]:
-    """A note where panels of several hosts have their windows on one rank: all but one open on the wrong machine."""
+def note_of_windows(graph: Graph, wall: Wall) -> str:
+    """That panels say where their windows are, and no sink opens any; "" else."""
+    placed = [panel.of for panel in wall.panels if (panel.config.monitor, panel.config.window) != (None, None)]
+    if not placed or any(isinstance(step.node, SinkNode) and step.node.kind == "window" for step in graph.steps):
+        return ""
+    more = f" and {len(set(placed)) - 1} more name" if len(set(placed)) > 1 else " names"
+    return (
+        f"panel {placed[0]}{more} a monitor or window, and no sink opens windows: "
+        "graph: {preset: sort-first, sinks: [window, browser]} has one"
+    )
+
+
+def notes_of_hosts(loaded: Loaded, graph: Graph, wall: Wall) -> Iterator[str]:
+    """What a wall of several hosts would meet: a head that they cannot reach, windows that open nowhere, or all on one
+    rank."""
+    bind, named = (
+        loaded.config.transport.bind,
+        sorted({p.config.host for p in wall.panels if p.config.host is not None}),
+    )
+    if len(named) > 1 and is_loopback(bind):
+        what = f"only the machine of the head can reach it, and panels are on {', '.join(named[:4])}"
+        yield str(loaded.error(("transport", "bind"), what, "0.0.0.0, or the head's address in their network"))
+    if note := note_of_windows(graph, wall):
+        yield f"{loaded.name}: {note}"
     hosts: dict[int, set[str]] = {}
     for step in graph.steps:
         if isinstance(step.node, SinkNode) and step.node.kind == "window":
             names = (wall.panels[k].config.host for k in step.panels)
             hosts.setdefault(step.rank, set()).update(name for name in names if name is not None)
-    named = {panel.config.host for panel in wall.panels} - {None}
-    return tuple(
-        f"graph: windows of panels on {', '.join(sorted(found))} all open where rank {rank} runs; each host opens its "
-        f"own with graph: {{compositors: {len(named)}}}"
-        for rank, found in hosts.items()
-        if len(found) > 1
-    )
+    for rank, found in hosts.items():
+        if len(found) > 1:
+            yield (
+                f"graph: windows of panels on {', '.join(sorted(found))} all open where rank {rank} runs; each host "
+                f"opens its own with graph: {{compositors: {len(named)}}}"
+            )
 
 
 def check_balance_fits(loaded: Loaded, graph: Graph, wall: Wall) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from wall.compositing.checks import note_of_windows
 from wall.config import yaml_text
 from wall.core.errors import ConfigError
 from wall.importers.archive import Files
@@ -45,6 +46,8 @@ def convert_text(
     except ConfigError as error:
         raise ConfigError(f"{name}: what it describes is refused here: {error}") from error
     conversion.ranks = len(layout.regions)
+    if note := note_of_windows(layout.graph, layout.wall):
+        conversion.assumed.append(f"{note[0].upper()}{note[1:]}.")
     return chosen, conversion, header(conversion, chosen, Path(name).name) + yaml_text.write(conversion.values)
 
 

@@ -167,7 +167,7 @@ def make_layout(loaded: Loaded) -> Layout:
     """Everything that can be refused before a scene is loaded. Raises ConfigError."""
     wall = with_views(loaded, wall_of(loaded))
     noticed, graph = check_wall(loaded, wall), build(loaded, wall)
-    wall, notes = graph.with_panels_of_layers(wall), (*noticed, *notes_of_hosts(graph, wall))
+    wall, notes = graph.with_panels_of_layers(wall), (*noticed, *notes_of_hosts(loaded, graph, wall))
     strips = graph.strips(wall) if graph.balanced else None
     layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes, strips=strips)
     _check_asked_of_renderers(layout)

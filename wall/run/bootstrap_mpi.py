@@ -6,15 +6,21 @@ import atexit
 import faulthandler
 import os
 import signal
+import socket
 import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from mpi4py import MPI
 
+from wall.core.errors import WallError
 from wall.run.bootstrap import end_with_parent, time_limit
 from wall.transport.curve import KeyPair, Keys
 
-START_WAIT_S = 120.0  # for all ranks to load the scene and, on a fresh machine, to compile
+START_WAIT_S = 600.0  # for all ranks to load the scene and, on a fresh machine, to compile
+SLOW_START_S = 20.0  # after which it is said what is being waited for
 SEGMENTS = "/dev/shm/sm_segment."  # Open MPI's files of shared memory, one a process
 END_WAIT_S = 5.0  # for MPI_Finalize, which waits for the head's results, and for ever for some dead ranks
 
@@ -35,7 +41,7 @@ class MpiBootstrap:
 
     def allgather(self, text: str) -> list[str]:
         """Every rank's text, in rank order. MPI has no time limits of its own, so this one ends the process."""
-        with time_limit(START_WAIT_S, self._give_up):
+        with time_limit(START_WAIT_S, self._give_up), time_limit(SLOW_START_S, self._say_slow):
             return list(self._world.allgather(text))
 
     def make_keys(self) -> None:
@@ -64,6 +70,24 @@ class MpiBootstrap:
         """At the exit of this process let MPI end in order, or leave with exit code 1 where it waits for the dead."""
         atexit.unregister(_finalize)  # asked for twice it is done once
         atexit.register(_finalize, self._launcher)
+
+    @contextmanager
+    def failing_alone(self) -> Iterator[None]:
+        """While inside, what goes wrong ends this rank and no other one: by a signal, which a launcher with ULFM does
+        not end the others for, as it does for an exit code."""
+        try:
+            yield
+        except Exception as error:
+            if not isinstance(error, WallError):
+                traceback.print_exc()
+            print(f"rank {self.rank} on {socket.gethostname()}: {error}", file=sys.stderr, flush=True)
+            remove_segments()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def _say_slow(self) -> None:
+        if self.rank == 0:
+            text = "waiting for the other ranks: a host compiles kernels at its first start, for one to three minutes"
+            print(text, file=sys.stderr, flush=True)
 
     def _give_up(self) -> None:
         text = f"rank {self.rank}: not all ranks have started after {START_WAIT_S:.0f} s; giving up"

@@ -80,7 +80,9 @@ def _written(folder: Path, control: Control) -> TextIO:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         part.replace(path)
     except OSError as error:
-        file.close()
+        with contextlib.suppress(OSError):  # what could not be written is tried once more, and told once more
+            file.close()
+        part.unlink(missing_ok=True)
         raise RunError(f"cannot write {path}: {error.strerror or error}") from error
     return file
 

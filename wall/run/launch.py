@@ -18,7 +18,7 @@ from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
 from wall.core.garbage import started
 from wall.core.mpi import mpi_rank, under_mpi
-from wall.core.network import why_taken
+from wall.core.network import is_loopback, why_taken
 from wall.display.x_server import check_displays
 from wall.roles.membership import head_lost_s
 from wall.roles.plan import (
@@ -152,6 +152,7 @@ def _run_launched(
     bound = [json.loads(text) for text in launched.allgather(json.dumps(own_cores()))]
     check_same(launched, layout, machines)
     check_size(layout, launched.size, tell=launched.rank == HEAD)
+    check_reached(layout, machines, tell=launched.rank == HEAD)
     if layout.config.transport.encrypted:
         launched.make_keys()
     rank_of, bootstrap = _placed(layout, launched, machines)
@@ -170,10 +171,11 @@ def _run_launched(
         begin_recording(options.record, plan)
     preparer = Preparer(plan, by_rank)
     if bootstrap.rank != HEAD:
-        serve(
-            plan, tracer_scene, bootstrap, preparer,
-            headless=options.headless, out=options.out, record=options.record,
-        )  # fmt: skip
+        with launched.failing_alone():
+            serve(
+                plan, tracer_scene, bootstrap, preparer,
+                headless=options.headless, out=options.out, record=options.record,
+            )  # fmt: skip
         return None
     if not stands_by(plan, options, say):
         return lead(plan, bootstrap, preparer, options, say, opened)
@@ -217,7 +219,21 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
         f"{layout.loaded.path}: {size} ranks were launched, the configuration needs {layout.size}: 1 head"
         + (f" + {extra} remote compositor{'s' * (extra > 1)}" if extra else "")
         + f" + {len(layout.regions)} renderer{'s' * (len(layout.regions) > 1)} "
-        f"(mpirun -x PATH -n {layout.size} wall run ...)"
+        f"(mpirun --with-ft ulfm -x PATH -n {layout.size} wall run ...)"
+    )
+
+
+def check_reached(layout: Layout, machines: Sequence[str], *, tell: bool = True) -> None:
+    """Refuse a launch on several machines whose head none of the others could reach; one rank tells why."""
+    bind, others = layout.config.transport.bind, sorted(set(machines[1:]) - {machines[0]})
+    if not (others and is_loopback(bind)):
+        return
+    if not tell:
+        raise SystemExit(2)
+    raise layout.loaded.error(
+        ("transport", "bind"),
+        f"only {machines[0]} can reach it, and ranks were launched on {', '.join(others[:4])} too",
+        "0.0.0.0, or the head's address in the network that these machines share",
     )
 
 

@@ -66,5 +66,6 @@ def test_samples_for_which_a_link_is_too_slow_are_noted() -> None:
 
 def test_the_launch_line_oversubscribes_where_cores_are_few() -> None:
     layout = layout_of("400, 250")
-    assert launch_line(layout, 9) == "launch: mpirun -x PATH -n 9 wall run w.yaml"
-    assert "here mpirun --oversubscribe -x PATH -n 9 wall run w.yaml: 9 ranks share 2 cores" in launch_line(layout, 2)
+    assert launch_line(layout, 9) == "launch: mpirun --with-ft ulfm -x PATH -n 9 wall run w.yaml"
+    told = launch_line(layout, 2)
+    assert "here mpirun --oversubscribe --with-ft ulfm -x PATH -n 9 wall run w.yaml: 9 ranks share 2 cores" in told

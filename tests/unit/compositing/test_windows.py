@@ -5,6 +5,8 @@ from __future__ import annotations
 from small_graphs import WHOLE, built, nodes, refusals
 
 from wall.compositing.graph import Graph
+from wall.config.loading import loads
+from wall.roles.plan import make_layout
 
 FITTED = """\
 wall:
@@ -126,3 +128,23 @@ def test_curve_takes_a_curved_panel_s_flat_image_alone() -> None:
     ):
         lines = refusals(nodes(*WHOLE[:5], png, node, "id: b, op: sink, kind: png, input: c"), wall=CURVED)
         assert said in lines[0]
+
+
+PLACED = """\
+version: 1
+scene: {source: spheres}
+wall: {grid: {columns: 2, rows: 1, pixels: [16, 9], size: [0.16, 0.09], host: "node{column}", monitor: 0}}
+views: [{id: main}]
+"""
+
+
+def test_what_a_wall_of_several_hosts_would_meet_is_noted() -> None:
+    def noted(more: str) -> list[str]:
+        return list(make_layout(loads(PLACED + more, name="w.yaml")).notes)
+
+    reached, nowhere = noted("")
+    assert "transport.bind: only the machine of the head can reach it, and panels are on node0, node1" in reached
+    assert nowhere.startswith("w.yaml: panel r0c0 and 1 more name a monitor or window, and no sink opens windows: ")
+    bound = "transport: {bind: 0.0.0.0}\n"
+    assert noted(bound) == [nowhere]
+    assert noted(bound + "graph: {preset: sort-first, sinks: [window], compositors: 2}\n") == []

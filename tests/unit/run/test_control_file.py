@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -44,6 +45,18 @@ def test_who_has_the_folder_is_said_and_it_is_free_after_the_end(tmp_path: Path)
                 another()
     with claimed(tmp_path):
         assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_is_full_is_told_with_the_file_and_nothing_stays(tmp_path: Path) -> None:
+    here = Control(endpoint="tcp://h:1", key="k", head="", host="h", pid=os.getpid())
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))  # bytes
+    try:
+        with pytest.raises(RunError, match=rf"cannot write {tmp_path}/control.json: File too large"):
+            announced(tmp_path, here).__enter__()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_where_a_page_is_that_came_later_is_written_and_nothing_stays(tmp_path: Path) -> None:

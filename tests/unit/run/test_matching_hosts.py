@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from wall.config.loading import loads
 from wall.core.errors import ConfigError
+from wall.roles.plan import make_layout
 from wall.run.hosts import Renumbered, assign, same_machine
+from wall.run.launch import check_reached
 from wall.transport.curve import KeyPair, Keys
 
 A, B, C = "node1", "node2.site.org", "node3"
@@ -86,3 +89,15 @@ def test_under_new_numbers_texts_and_deaths_are_those_of_the_ranks() -> None:
     assert bootstrap.dead() == {1: "signal 9"}
     bootstrap.finish()
     assert launched.finished
+
+
+def test_ranks_on_other_machines_need_an_address_that_they_reach() -> None:
+    """The head's is loopback by default, on which they would wait for ever."""
+    wall = "wall: {grid: {columns: 1, rows: 1, pixels: [16, 9], size: [0.16, 0.09]}}\n"
+    text = f"version: 1\nscene: {{source: spheres}}\n{wall}"
+    layout = make_layout(loads(text + "views: [{id: main}]\n", name="w.yaml"))
+    check_reached(layout, ["node1", "node1"])
+    with pytest.raises(ConfigError, match=r"transport.bind.*only node1 can reach it, and ranks were launched on node2"):
+        check_reached(layout, ["node1", "node2", "node1"])
+    reached = make_layout(loads(text + "transport: {bind: 0.0.0.0}\nviews: [{id: main}]\n", name="w.yaml"))
+    check_reached(reached, ["node1", "node2"])

@@ -57,7 +57,7 @@ def test_a_folder_hides_no_built_in_scene(tmp_path: Path, monkeypatch: pytest.Mo
     [
         ({"type": "pint"}, "scene.lights[0].type = 'pint': is not known"),
         ({"type": "point", "position": (1, 2), "intensity": (1, 1, 1)}, "scene.lights[0].position[2]: is missing"),
-        ({"type": "point", "position": (1, 2, 3), "intensity": "red"}, "scene.lights[0].intensity = 'red': is no colour"),
+        ({"type": "point", "position": (1, 2, 3), "intensity": "red"}, "lights[0].intensity = 'red': is no colour"),
         ({"type": "point", "position": np.ones(3), "intensity": (1, 1, 1), "size": 3}, "lights[0].size: unknown key"),
         ({"type": "point", "position": object()}, "is no value of a configuration"),
     ],
