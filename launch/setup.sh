@@ -49,7 +49,7 @@ _show_progress() {
         case "$line" in
             Collecting*|Downloading*|Installing*|Building*|"  Preparing"*)
                 if [ -t 1 ]; then printf '\r\033[K  %.70s' "$line"; else printf '  %.100s\n' "$line"; fi ;;
-            Successfully*)
+            "Successfully installed"*)
                 if [ -t 1 ]; then printf '\r\033[K'; fi
                 echo "  installed $(wc -w <<<"$line") packages"
                 return ;;

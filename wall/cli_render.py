@@ -24,7 +24,7 @@ IntegratorOption = Annotated[
     str | None, typer.Option(help="How light is followed: direct, path or ambient_occlusion; else as configured")
 ]
 ViewOption = Annotated[
-    str | None, typer.Option(help="Only this view, as large as its place; else the first, on all of the wall")
+    str | None, typer.Option(help="Only this view, as large as its place")
 ]
 
 
@@ -91,7 +91,9 @@ def render(
         loaded = with_tone(load_config(what, up=up, integrator=integrator), exposure, tone_mapping)
         plan = make_plan(make_layout(loaded))
         plan = plan if view is None else plan_of_view(plan, view)
-        print_notes(plan)
+        names = [each.id for each in plan.layout.config.views]
+        told = f"this is view {names[0]} of {', '.join(names)}, on all of the wall; `wall screenshot` has all in place"
+        print_notes(plan, *([told] if len(names) > 1 else []))
         return plan
 
     if frames is None and film is None:

@@ -22,6 +22,7 @@ from wall.core.data import Event, Float32, Float64, Rect
 from wall.core.errors import ConfigError
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel, Plane
+from wall.geometry.rects import panel_rect
 from wall.roles.plan import Layout, Plan, first_event
 from wall.roles.tone import tone_at
 from wall.sampling.pixel_layers import SURFACE_LAYERS, PixelLayers, normal_matrices
@@ -92,7 +93,7 @@ def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.
     """
     wall, found = layout.wall, layout.wall.whole()
     if found is None and size is not None:
-        scale, size = _scale_to(size, layout), None
+        scale, size = scale_to(size, layout), None
     if found is None or (size is None and len(wall.faces) > 1):
         return [_on_image(panel, scale) for panel in wall.panels]
     width, height = size or (max(1, round(scale * found.width)), max(1, round(scale * found.height)))
@@ -102,13 +103,28 @@ def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.
     return [replace(wall.panels[0], pixels=(width, height), screen=(0, 0), plane=plane)]
 
 
-def _scale_to(size: tuple[int, int], layout: Layout) -> float:
-    """The factor on all pixels that makes the wall's image of that size."""
+def view_panels(layout: Layout, view: int, scale: float) -> list[Panel]:
+    """What shows a view, in the scaled image of the wall: one panel without bezels, if nothing else is in its place."""
+    shown = layout.wall.of_view(view).panels
+    left, top = (min(panel.screen[axis] for panel in shown) for axis in (0, 1))
+    right, bottom = (max(panel.screen[axis] + panel.span[axis] for panel in shown) for axis in (0, 1))
+    place, first = Rect(x=left, y=top, width=right - left, height=bottom - top), shown[0]
+    others = (panel_rect(panel) for panel in layout.wall.panels if panel.view != view and shown[0].inset_of is None)
+    apart = any(panel.plane is not first.plane or panel.sight != first.sight for panel in shown)
+    if apart or any(rect.intersection(place) for rect in others):
+        return [_on_image(panel, scale) for panel in shown]
+    size = (place.width, place.height)
+    return [_on_image(replace(first, pixels=size, screen=(left, top), span=size), scale)]
+
+
+def scale_to(size: tuple[int, int], layout: Layout) -> float:
+    """The factor on all pixels that makes the wall's image of that size. Raises ConfigError."""
     wall = layout.wall
     scale = size[0] / wall.width
     height = max(1, round(scale * wall.height))
     if size[1] != height:
-        why = "are seen from several eyes" if wall.flat else "stand at angles"
+        why = "stand at angles" if not wall.flat else "are seen from several eyes"
+        why = "show several views" if len(layout.config.views) > 1 else why
         raise ConfigError(
             f"{layout.loaded.path}: --size {size[0]}x{size[1]}: these panels {why}, so all of them are shown, "
             f"{wall.width}x{wall.height}; wanted: a size of that shape, such as {size[0]}x{height}"

@@ -25,13 +25,14 @@ POLL_S = 0.2  # between looks at the cache of compiled kernels
 def progress_bar(
     title: str = "{task.description}", *, count: str | None = None
 ) -> Iterator[Callable[..., None]]:
-    """Show a progress bar on standard error; yields a function that takes `completed=`, `total=`, `description=`.
+    """Show a progress bar on standard error, if that is a terminal; yields a function that takes `completed=`,
+    `total=`, `description=`.
 
     `title` and `count` are the texts before and after the bar; `count` defaults to done/total.
     """
     counted = MofNCompleteColumn() if count is None else TextColumn(count, markup=False)
     columns = TextColumn(title, markup=False), BarColumn(), counted, TimeElapsedColumn(), TextColumn("left")
-    with Progress(*columns, TimeRemainingColumn(), console=errors) as bar:
+    with Progress(*columns, TimeRemainingColumn(), console=errors, disable=not errors.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
         try:
             yield lambda **values: bar.update(task, **values)

@@ -18,8 +18,10 @@ from wall.commands.offline import (
     event_at,
     image_size,
     panels_of,
+    scale_to,
     scaled,
     tiles_of,
+    view_panels,
 )
 from wall.commands.one_view import layout_of_view, plan_of_view
 from wall.commands.render import Progress
@@ -32,8 +34,8 @@ from wall.core.mpi import under_mpi
 from wall.display.image_file import display_values
 from wall.display.png import BEZEL_RGB, file_names
 from wall.display.strip_file import STRIP_ROWS, check_file, is_linear, write_strips
-from wall.geometry.panels import Panel, Plane
-from wall.roles.plan import Layout, make_layout, make_plan
+from wall.geometry.panels import NO_VIEW, Panel, Plane
+from wall.roles.plan import Layout, Plan, make_layout, make_plan
 from wall.tracing.tracer_scene import make_tracer_scene
 
 
@@ -48,7 +50,7 @@ class Shot:
     at: float = 0.0  # scene time, seconds
     panels: bool = False  # a file for each panel instead of one of the wall
     bezels: bool = False  # dark bezels; without, the scene continues behind them
-    view: str | None = None  # only this one, as large as its place; None: the first, on all of the wall
+    view: str | None = None  # only this one, as large as its place; None: all, in their places
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,11 +62,22 @@ class Written:
     height: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _File:
+    """A file to write, its size in pixels, and the tiles of each view, later ones in front."""
+
+    path: Path
+    width: int
+    height: int
+    views: list[tuple[int, list[Tile]]]
+
+
 def screenshot(loaded: Loaded, path: Path, shot: Shot, progress: Progress) -> list[Written]:
     """Render the wall, or each panel, and write it. Returns the files written.
 
-    Pixels equal those of `wall render` at the same size, samples and seed. `progress` is told the finished rows and
-    the number of all rows. Raises ConfigError, and RunError naming a file that cannot be written.
+    Views are in their places. Pixels of one equal those of `wall render` at the same size, samples and seed.
+    `progress` is told the finished rows and the number of all rows. Raises ConfigError, and RunError naming a file
+    that cannot be written.
     """
     if under_mpi():
         raise ConfigError("wall screenshot uses the cores of one machine: start it without mpirun")
@@ -72,28 +85,54 @@ def screenshot(loaded: Loaded, path: Path, shot: Shot, progress: Progress) -> li
     if shot.view is not None:
         layout = layout_of_view(whole, shot.view)
     files = _files(layout, path, shot)
-    for name, panels in files:
-        check_file(name, *image_size(panels))
+    for file in files:
+        check_file(file.path, file.width, file.height)
     plan = make_plan(whole)
-    if shot.view is not None:
-        plan = plan_of_view(plan, shot.view)
+    plan = plan if shot.view is None else plan_of_view(plan, shot.view)
     print_notes(plan)
-    renderer = OfflineRenderer(plan, make_tracer_scene(plan.scene), event_at(plan, shot.at), spp=shot.spp)
-    rows, written = sum(image_size(panels)[1] for _, panels in files), list[Written]()
-    for name, panels in files:
-        width, height = image_size(panels)
-        strips = rendered_strips(renderer, tiles_of(panels, seed=shot.seed), linear=is_linear(name))
+    renderers = _renderers(plan, shot)
+    rows, written = sum(file.height for file in files), list[Written]()
+    for file in files:
+        parts = [
+            rendered_strips(renderers[view], tiles, linear=is_linear(file.path), size=(file.width, file.height))
+            for view, tiles in file.views
+        ]
+        strips = parts[0] if len(parts) == 1 else _together(parts, [tiles for _, tiles in file.views])
         if shot.bezels and not shot.panels:
-            strips = _with_bezels(strips, _lit(layout, panels, (width, height)), linear=is_linear(name))
+            strips = _with_bezels(strips, _lit(layout, file), linear=is_linear(file.path))
         before = sum(done.height for done in written)
-        write_strips(name, _counted(strips, progress, before, rows), width=width, height=height)
-        written.append(Written(path=name, width=width, height=height))
+        write_strips(file.path, _counted(strips, progress, before, rows), width=file.width, height=file.height)
+        written.append(Written(path=file.path, width=file.width, height=file.height))
     return written
 
 
-def rendered_strips(renderer: OfflineRenderer, tiles: list[Tile], *, linear: bool) -> Iterator[Image]:
+def _renderers(plan: Plan, shot: Shot) -> list[OfflineRenderer]:
+    """One for each view of the plan, under its own camera, exposure and integrator."""
+    tracer_scene, found = make_tracer_scene(plan.scene), list[OfflineRenderer]()
+    for view in plan.layout.config.views:
+        own = plan if len(plan.views) == 1 else plan_of_view(plan, view.id)
+        found.append(OfflineRenderer(own, tracer_scene.under(own.scene), event_at(own, shot.at), spp=shot.spp))
+    return found
+
+
+def _together(parts: list[Iterator[Image]], tiles: list[list[Tile]]) -> Iterator[Image]:
+    """Strips of one image from those of its views, each with its own places; later views are in front."""
+    y = 0
+    for strips in zip(*parts, strict=True):
+        whole = strips[0]
+        for strip, own in zip(strips[1:], tiles[1:], strict=True):
+            for rect in (tile.rect for tile in own):
+                rows, columns = slice(max(0, rect.y - y), max(0, rect.bottom - y)), slice(rect.x, rect.right)
+                whole[rows, columns] = strip[rows, columns]
+        yield whole
+        y += len(whole)
+
+
+def rendered_strips(
+    renderer: OfflineRenderer, tiles: list[Tile], *, linear: bool, size: tuple[int, int]
+) -> Iterator[Image]:
     """Yield an image's strips of STRIP_ROWS, top to bottom, rendered by all cores; pixels of no tile are black."""
-    width, height = image_size(tile.panel for tile in tiles)
+    width, height = size
     starts = range(0, height, STRIP_ROWS)
     work = (band for y in starts for band in _bands(tiles, y))
     bands = renderer.bands(
@@ -112,31 +151,51 @@ def _bands(tiles: list[Tile], y: int) -> Iterator[Band]:
     return (band for tile in tiles for band in bands_of(tile, y - tile.rect.y, y + STRIP_ROWS - tile.rect.y))
 
 
-def _files(layout: Layout, path: Path, shot: Shot) -> list[tuple[Path, list[Panel]]]:
-    """The files to write, and the panels that each shows."""
-    if not shot.panels:
-        return [(path, panels_of(layout, shot.size, scale=shot.scale))]
-    if shot.size is not None:
+def _files(layout: Layout, path: Path, shot: Shot) -> list[_File]:
+    """The files to write, and what each shows of which view."""
+    if shot.panels and shot.size is not None:
         raise ConfigError("--panels and --size: a size is the whole wall's; wanted --scale")
-    panels = [_alone(scaled(panel, shot.scale)) for panel in layout.wall.panels]
-    names = file_names([panel.id for panel in panels], stem=path.stem, suffix=path.suffix)
-    return [(path.with_name(name), [panel]) for name, panel in zip(names, panels, strict=True)]
+    if shot.panels:
+        names = file_names([panel.id for panel in layout.wall.panels], stem=path.stem, suffix=path.suffix)
+        files = zip(names, layout.wall.panels, strict=True)
+        return [_file(path.with_name(name), _on_panel(layout, panel, shot.scale), shot) for name, panel in files]
+    if len(layout.config.views) == 1:
+        return [_file(path, {0: panels_of(layout, shot.size, scale=shot.scale)}, shot)]
+    scale = shot.scale if shot.size is None else scale_to(shot.size, layout)
+    shown = sorted({panel.view for panel in layout.wall.viewports} - {NO_VIEW})
+    return [_file(path, {view: view_panels(layout, view, scale) for view in shown}, shot)]
 
 
-def _alone(panel: Panel) -> Panel:
-    """The panel moved to the top left corner of its own image."""
-    plane = Plane(origin=panel.plane.point(*panel.screen), per_x=panel.plane.per_x, per_y=panel.plane.per_y)
-    return replace(panel, screen=(0, 0), plane=plane)
+def _file(path: Path, views: dict[int, list[Panel]], shot: Shot) -> _File:
+    width, height = image_size(panel for panels in views.values() for panel in panels)
+    tiles = [(view, tiles_of(panels, seed=shot.seed)) for view, panels in views.items()]
+    return _File(path=path, width=width, height=height, views=tiles)
 
 
-def _lit(layout: Layout, panels: list[Panel], size: tuple[int, int]) -> list[Rect]:
+def _on_panel(layout: Layout, panel: Panel, scale: float) -> dict[int, list[Panel]]:
+    """What a panel shows by views, moved to the top left corner of an image of its own."""
+    insets = [inset for inset in layout.wall.insets if inset.inset_of == panel.index]
+    shown = [each for each in (panel, *insets) if each.view != NO_VIEW]
+    alone = len(layout.config.views) == 1
+    return {0 if alone else each.view: [_moved(scaled(each, scale), scaled(panel, scale).screen)] for each in shown}
+
+
+def _moved(panel: Panel, origin: tuple[int, int]) -> Panel:
+    """The panel in an image that begins at `origin`."""
+    plane = Plane(origin=panel.plane.point(*origin), per_x=panel.plane.per_x, per_y=panel.plane.per_y)
+    return replace(panel, screen=(panel.screen[0] - origin[0], panel.screen[1] - origin[1]), plane=plane)
+
+
+def _lit(layout: Layout, file: _File) -> list[Rect]:
     """The pixels of the image that panels light, a rectangle a panel."""
+    tiles = {tile.panel.index: tile.panel for _, tiles in reversed(file.views) for tile in reversed(tiles)}
     lit = []
-    for k, panel in enumerate(layout.wall.panels):
-        plane = panels[k if len(panels) > 1 else 0].plane
+    for panel in layout.wall.panels:
+        plane = tiles.get(panel.index, file.views[0][1][0].panel).plane
         corners = [(panel.lit - plane.origin) @ per / (per @ per) for per in (plane.per_x, plane.per_y)]
         (x0, x1), (y0, y1) = ((max(0, round(v.min())), round(v.max())) for v in corners)
-        lit.append(Rect(x=x0, y=y0, width=max(0, min(size[0], x1) - x0), height=max(0, min(size[1], y1) - y0)))
+        x1, y1 = min(file.width, x1), min(file.height, y1)
+        lit.append(Rect(x=x0, y=y0, width=max(0, x1 - x0), height=max(0, y1 - y0)))
     return lit
 
 

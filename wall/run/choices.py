@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+import time
+import weakref
 from contextlib import suppress
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -18,6 +20,7 @@ from wall.scene.sources import BUILT_IN
 CONFIGURATIONS, MODELS = (".yaml", ".yml"), (".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_FILES = 64  # of either kind: looking into so many configurations takes half a second
 MOST_BYTES = 1 << 18  # of a configuration
+LOOK_S = 2.0  # between looks whether a folder has changed
 AS_BEGUN = "as at the start"  # the name of what no file is like
 
 
@@ -91,18 +94,36 @@ _offering = threading.Lock()
 
 
 def offer(sink: Offers, layout: Layout) -> None:
-    """Offer viewers the choices of a layout, as soon as they are found, unless it is to offer none.
+    """Offer viewers the choices of a layout, as soon as they are found, unless it is to offer none; later again when
+    files have come to its folder, or gone.
 
     Those found of a layout whose place another one has taken meanwhile are dropped.
     """
-
-    def look() -> None:
-        choices = Choices(layout, first)
-        with _offering:
-            if _newest[sink] is layout:
-                sink.offer(choices)
-
     with _offering:
         _newest[sink], first = layout, _first.setdefault(sink, layout)
     if layout.config.output.browser.choices:
-        threading.Thread(target=look, daemon=True, name="choices").start()
+        looking = (weakref.ref(sink), layout, first)  # the sink ends when the run does
+        threading.Thread(target=_look, args=looking, daemon=True, name="choices").start()
+
+
+def _look(to: weakref.ref[Offers], layout: Layout, first: Layout) -> None:
+    found: int | None = -1
+    while True:
+        there = _changed_at(layout.loaded.folder)
+        choices = Choices(layout, first) if there != found else None
+        with _offering:
+            sink = to()
+            if sink is None or _newest[sink] is not layout:
+                return
+            if choices is not None:
+                sink.offer(choices)
+            del sink
+        found = there
+        time.sleep(LOOK_S)
+
+
+def _changed_at(folder: Path) -> int | None:
+    """When a file last came to a folder, or went, nanoseconds; None: it is gone."""
+    with suppress(OSError):
+        return folder.stat().st_mtime_ns
+    return None

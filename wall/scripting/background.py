@@ -7,6 +7,7 @@ import io
 import json
 import os
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -36,6 +37,8 @@ from wall.scripting.scene import Scene
 STOP_S = 20.0  # for a run to end in order and to write what it has; then it is killed
 IMAGE_S = 20.0  # for the first image
 ASK_AGAIN_S = 0.05
+FIRST_PIXELS = 4  # for each sample of a first image
+REGION = re.compile(r"(\d+)x(\d+)\+")  # of pixels, as a renderer's is told
 FRAME_HTML = '<iframe src="{}" style="width: 100%; height: 40em; border: 0"></iframe><br><a href="{}">{}</a>'
 START = "import sys; sys.path.append(sys.argv[1]); from wall.scripting.hosted import main; main()"
 
@@ -93,6 +96,7 @@ class Running:
         self._own_folder = tempfile.TemporaryDirectory(prefix="wall-") if out is None else None
         self.out = Path(self._own_folder.name if self._own_folder is not None else str(out)).absolute()
         self.address = ""  # of the page
+        self._seen = False  # a first image with samples everywhere
         self._told, self._say = _Told(), say
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115  (as long as the process)
         self._process = subprocess.Popen(
@@ -160,6 +164,9 @@ class Running:
     def image(self, *, patience_s: float = IMAGE_S) -> NDArray[np.uint8]:
         """The wall's newest image with its bezels: (h, w, 3) uint8 sRGB. Waits for the first one.
 
+        That is one to which every renderer has given a sample for each FIRST_PIXELS pixels; after half of `patience_s`
+        it is the newest there is, as it may be that one of them has died.
+
         Raises RunError where the run has ended, or its graph has no `browser` sink.
         """
         if not self.address:
@@ -167,6 +174,10 @@ class Running:
         limit = time.monotonic() + patience_s
         while True:
             try:
+                self._seen = self._seen or time.monotonic() > limit - 0.5 * patience_s or self._has_samples(patience_s)
+                if not self._seen:
+                    time.sleep(ASK_AGAIN_S)
+                    continue
                 with urllib.request.urlopen(self.address + "wall.png", timeout=patience_s) as answer:
                     return np.array(Image.open(io.BytesIO(answer.read())).convert("RGB"))
             except urllib.error.HTTPError as error:
@@ -175,6 +186,17 @@ class Running:
             except OSError as error:
                 raise RunError(f"{self.address}: no image ({error}); the run has ended") from error
             time.sleep(ASK_AGAIN_S)
+
+    def _has_samples(self, patience_s: float) -> bool:
+        """Whether every renderer has traced enough for a first image."""
+        with urllib.request.urlopen(self.address + "status.json", timeout=patience_s) as answer:
+            status = json.load(answer)
+        pixels = {rank["rank"]: REGION.search(rank["region"]) for rank in status["ranks"] if rank["role"] == "renderer"}
+        return all(
+            FIRST_PIXELS * status["totals"][rank]["samples"] >= int(size[1]) * int(size[2])
+            for rank, size in pixels.items()
+            if size is not None
+        )
 
     def stop(self) -> dict[str, Any]:
         """End the run in order, if it still runs. Returns its summary, as in summary.json; so does a second call.

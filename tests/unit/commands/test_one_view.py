@@ -62,6 +62,29 @@ def test_a_screenshot_of_a_view_has_its_pixels_and_its_exposure(tmp_path: Path, 
     np.testing.assert_array_equal(np.asarray(Image.open(written.path)), wanted)
 
 
+@pytest.mark.parametrize("panels", [False, True])
+def test_a_screenshot_without_it_has_all_views_in_their_places(
+    tmp_path: Path, panels: bool, compiled_only: None
+) -> None:
+    """Here an inset of 42 x 12 pixels across the bezel, at (21, 3), over another view; each with its own exposure."""
+    loaded, seen = loads(text_of(TWO), path=Path("wall.yaml")), {}
+    for name in ("main", "corner"):
+        (one,) = screenshot(loaded, tmp_path / f"{name}.png", Shot(spp=2, seed=3, view=name), lambda done, total: None)
+        seen[name] = np.asarray(Image.open(one.path))
+    wanted = seen["main"].copy()
+    wanted[3:15, 21:63] = seen["corner"]
+    if panels:
+        wanted = np.hstack([wanted[:, :40], wanted[:, 44:]])
+    files = screenshot(loaded, tmp_path / "all.png", Shot(spp=2, seed=3, panels=panels), lambda done, total: None)
+    found = np.hstack([np.asarray(Image.open(file.path)) for file in files])
+    assert found.shape == wanted.shape
+    if not panels:
+        np.testing.assert_array_equal(found[15:], wanted[15:])
+    assert np.abs(found.astype(int) - wanted).mean() < 8.0
+    swapped = np.where(np.arange(wanted.shape[1])[:, None] < 20, wanted, wanted[::-1])
+    assert np.abs(found.astype(int) - swapped).mean() > 16.0
+
+
 def test_a_view_with_all_panels_is_what_it_is_without_the_option(compiled_only: None) -> None:
     plan = plan_for(text_of(TWO))
     np.testing.assert_array_equal(rendered(plan_of_view(plan, "main")), rendered(plan))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import wall.run.choices
 from wall.config.loading import load, loads, with_scene
 from wall.core.errors import EditError
 from wall.display.requests import Requests
@@ -104,3 +105,22 @@ def test_what_is_found_late_of_an_earlier_layout_is_not_offered(
     go_on.set()
     looking.join(10)
     assert offered.empty()
+
+
+def test_what_comes_to_the_folder_later_is_offered_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    offered = queue.Queue[Choices]()
+
+    class Page:
+        def offer(self, choices: Choices) -> None:
+            offered.put(choices)
+
+    monkeypatch.setattr(wall.run.choices, "LOOK_S", 0.02)
+    page, before = Page(), set(threading.enumerate())
+    offer(page, layout_in(tmp_path))  # type: ignore[arg-type]
+    [looking] = set(threading.enumerate()) - before
+    assert "lamp.obj" not in offered.get(timeout=10).names
+    (tmp_path / "lamp.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert "lamp.obj" in offered.get(timeout=10).names
+    del page  # as a sink does when its run ends
+    looking.join(10)
+    assert not looking.is_alive()
