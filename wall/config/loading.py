@@ -125,12 +125,11 @@ def _checked(
     except ValidationError as error:
         # a value that YAML refused already is null now: its second refusal would only confuse
         known = {problem.path for problem in document.problems}
-        found = error.errors(include_url=False)
-        paths = [_yaml_path(document.values, each) for each in found]
-        wrong = [path for path, each in zip(paths, found, strict=True) if not each["type"].endswith("_type")]
-        around = {*wrong, *(path[:k] for path in paths for k in range(len(path)))}
+        found = [(_yaml_path(document.values, each), each) for each in error.errors(include_url=False)]
+        around = {path[:k] for path, _ in found for k in range(len(path))}
+        around |= {path for path, each in found if not each["type"].endswith("_type")}
         errors = [
-            each for path, each in zip(paths, found, strict=True)
+            each for path, each in found
             if path not in known and not _is_echo(_value_at(document.values, path), each, around=path in around)
         ]  # fmt: skip
         lines += [_explained(name, document, details) for details in errors[:MOST_EXPLAINED]]
