@@ -40,6 +40,11 @@ class _Coloured(_OfSurfaces):
     color: Reflectance | None = Field(
         default=None, description="linear RGB reflectance, 0..1; absent = the source's own"
     )
+    texture: Text | None = Field(
+        default=None,
+        description="image file, .png or .jpg, put on by the mesh's texture coordinates; its colours are multiplied by "
+        "`color`, absent = white",
+    )
 
 
 class DiffuseConfig(_Coloured):

@@ -21,6 +21,7 @@ from wall.roles.plan import HEAD, Layout
 from wall.scene.data.samples import BUILT_IN_DATA
 from wall.scene.data.steps import steps_of
 from wall.scene.gltf import MOST_BYTES
+from wall.scene.materials import texture_of
 from wall.scene.sources import BUILT_IN, sources_of
 
 PROGRAM = Path(__file__).parents[1]
@@ -78,6 +79,7 @@ def fingerprints(layout: Layout) -> dict[str, str]:
     files = [name for name in sources_of(scene) if name not in BUILT_IN]
     files += [data.file for data in scene.data if data.file not in BUILT_IN_DATA and data.series is None]
     files += [] if scene.environment is None else [scene.environment.file]
+    files += [name for material in scene.materials if (name := texture_of(material)) is not None]
     prints = {
         f"the program (wall {version('wall')})": _of_program(),
         f"configuration {loaded.name}": _print_of(dump(layout.config).encode()),

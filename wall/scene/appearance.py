@@ -31,6 +31,7 @@ class Palette:
 
     linear_vertex_colors: bool
     maps: Maps  # of an MTL file
+    textures_come: bool = False  # from a configuration: it is no news that the file has none
     header: dict[str, Any] = field(default_factory=dict)  # a glTF file's JSON; its materials are named by their numbers
     materials: list[Material] = field(default_factory=list)
     images: Textures = field(default_factory=Textures)
@@ -84,7 +85,11 @@ class Palette:
         image = getattr(found, "image", None)
         if image is not None and image.format is None:  # trimesh's own stand-in, not from a file
             image = None
-            self.notes.append("it has texture coordinates and names no image: its surfaces are plain")
+            if not self.textures_come:
+                self.notes.append(
+                    "it has texture coordinates and names no image: its surfaces are plain; wanted: its .mtl, or "
+                    "scene.materials with texture: FILE"
+                )
         written = getattr(found, "kwargs", {})
         color = _factor(written.get("kd"), base.base_color if image is None else (1.0, 1.0, 1.0))
         images = self.maps.of(written, image, name)

@@ -22,7 +22,7 @@ from wall.scene.cuts import cuts_of
 from wall.scene.environment import read_environment
 from wall.scene.ground import ground
 from wall.scene.lights import STUDIO_SKY, configured_light, default_lights
-from wall.scene.materials import described, seen_on_paths, with_materials
+from wall.scene.materials import described, seen_on_paths, texture_of, with_materials
 from wall.scene.model import (
     AmbientOcclusion,
     AreaLight,
@@ -201,7 +201,10 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     Paths are relative to `base_folder`. The configuration's lights, sky and animation replace the source's own.
     Raises SceneError where a model or an environment cannot be used, or where the animation names what does not exist.
     """
-    sources = [make_source(name, base_folder, scene_config.up) for name in sources_of(scene_config)]
+    given = any(texture_of(each) is not None for each in scene_config.materials)
+    sources = [
+        make_source(name, base_folder, scene_config.up, textures_come=given) for name in sources_of(scene_config)
+    ]
     if scene_config.data:
         from wall.scene.data.loading import load_data  # brings Matplotlib's colours
 
@@ -212,7 +215,7 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
 
 def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Source:
     """The source with everything that the configuration says; what it leaves out stays the source's."""
-    source = with_materials(source, config.materials)
+    source = with_materials(source, config.materials, base_folder)
     if config.integrator is not None:
         depth, occlusion = integrated(config.integrator)
         source = replace(source, path_depth=depth, occlusion=occlusion)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
+from pathlib import Path
+
+from PIL import Image
 
 from wall.config.materials import (
     DiffuseConfig,
@@ -18,17 +22,26 @@ from wall.config.materials import (
     PlasticConfig,
 )
 from wall.core.errors import SceneError
-from wall.scene.model import Material, Source
+from wall.core.files import read_file
+from wall.scene.images import Textures
+from wall.scene.model import Material, Mesh, Source, Texture
 
 NAMES_SHOWN = 20
 NAMES_IN_NOTE = 8
-BLACK = (0.0, 0.0, 0.0)
+BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+MOST_BYTES = 1 << 28  # of an image file
 
 
-def with_materials(source: Source, configs: Sequence[MaterialConfig]) -> Source:
-    """The source with every material that `configs` names, in order. Raises SceneError where a name fits nothing."""
+def with_materials(source: Source, configs: Sequence[MaterialConfig], base_folder: Path) -> Source:
+    """The source with every material that `configs` names, in order.
+
+    base_folder : where paths of textures start. Raises SceneError where a name fits nothing, or a texture does not.
+    """
     for number, config in enumerate(configs):
         where = f"scene.materials[{number}]"
+        if (name := texture_of(config)) is not None:
+            texture, notes = _texture(base_folder / name, f"{where}.texture = {name!r}")
+            source = replace(source, textures=(*source.textures, texture), notes=(*source.notes, *notes))
         if config.material is not None:
             source = _of_material(source, config, config.material, where)
         else:
@@ -42,8 +55,9 @@ def _of_material(source: Source, config: MaterialConfig, wanted: str, where: str
     if not any(fits):
         names = described(wanted, [material.name for material in source.materials])
         raise SceneError(f"{where}.material = {wanted!r}: no such material; {names}")
-    materials = (changed(m, config) if fit else m for m, fit in zip(source.materials, fits, strict=True))
-    return replace(source, materials=tuple(materials))
+    materials = tuple(_made(m, config, source) if fit else m for m, fit in zip(source.materials, fits, strict=True))
+    _check_placed(config, [mesh for mesh in source.meshes if fits[mesh.material]], where)
+    return replace(source, materials=materials)
 
 
 def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str) -> Source:
@@ -61,11 +75,12 @@ def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str)
         if instance.mesh not in new_mesh:
             mesh = meshes[instance.mesh]
             if mesh.material not in new_material:
-                materials.append(changed(materials[mesh.material], config))
+                materials.append(_made(materials[mesh.material], config, source))
                 new_material[mesh.material] = len(materials) - 1
             meshes.append(replace(mesh, material=new_material[mesh.material]))
             new_mesh[instance.mesh] = len(meshes) - 1
         instances[row] = replace(instance, mesh=new_mesh[instance.mesh])
+    _check_placed(config, [meshes[k] for k in new_mesh], where)
     used = sorted({instance.mesh for instance in instances})
     place = {mesh: k for k, mesh in enumerate(used)}
     return replace(
@@ -74,6 +89,38 @@ def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str)
         meshes=tuple(meshes[k] for k in used),
         instances=tuple(replace(instance, mesh=place[instance.mesh]) for instance in instances),
     )
+
+
+def texture_of(config: MaterialConfig) -> str | None:
+    """The file of its texture; None without one."""
+    return None if isinstance(config, MirrorConfig | EmissionConfig) else config.texture
+
+
+def _texture(path: Path, where: str) -> tuple[Texture, list[str]]:
+    """An image file as a texture, and notes. Raises SceneError."""
+    made = Textures()
+    try:
+        number = made.number(Image.open(io.BytesIO(read_file(path, MOST_BYTES))), path.name)
+    except Exception as error:  # Pillow raises anything on broken data
+        raise SceneError(f"{where}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+    if number is None:
+        raise SceneError(f"{where}: {made.notes[0]}")
+    return made.textures[number], made.notes
+
+
+def _made(material: Material, config: MaterialConfig, source: Source) -> Material:
+    """A material as `config` has it, with the newest of the source's textures if it names one."""
+    found = changed(material, config)
+    if texture_of(config) is None:
+        return found
+    color = getattr(config, "color", None) or WHITE
+    return replace(found, base_color=color, textures=found.textures._replace(base_color=len(source.textures) - 1))
+
+
+def _check_placed(config: MaterialConfig, meshes: Sequence[Mesh], where: str) -> None:
+    """Refuse a texture for meshes none of which says where it is on them. Raises SceneError."""
+    if texture_of(config) is not None and all(mesh.uvs is None for mesh in meshes):
+        raise SceneError(f"{where}.texture: no mesh that it is for has texture coordinates; wanted one that has")
 
 
 def changed(material: Material, config: MaterialConfig) -> Material:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from wall.config.loading import loads
 from wall.core.errors import ConfigError, SceneError
@@ -17,14 +18,14 @@ HERE = Path(__file__).parent
 QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"
 
 
-def scene_with(*materials: str, source: str = "cornell", more: str = "") -> Scene:
+def scene_with(*materials: str, source: str = "cornell", more: str = "", folder: Path = HERE) -> Scene:
     text = f"""\
 version: 1
 scene: {{source: {source}, materials: [{", ".join(materials)}]{more}}}
 wall: {{grid: {{columns: 1, rows: 1, pixels: [8, 8], size: [0.1, 0.1]}}}}
 views: [{{}}]
 """
-    return build(loads(text, path=HERE / "wall.yaml").config.scene, HERE)
+    return build(loads(text, path=folder / "wall.yaml").config.scene, folder)
 
 
 def look(scene: Scene, name: str) -> Any:
@@ -132,3 +133,30 @@ def test_paths_are_followed_where_the_source_or_the_configuration_says_so() -> N
     assert scene_with(more=", integrator: {method: direct}").path_depth is None
     assert scene_with(more=", integrator: {method: path, depth: 3}").path_depth == 3
     assert scene_with(source="courtyard").path_depth is None
+
+
+def test_a_texture_of_the_configuration_is_put_on_by_the_mesh_s_coordinates(tmp_path: Path) -> None:
+    """Of an OBJ without .mtl, as models of the net come; `color` multiplies it."""
+    corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
+    (tmp_path / "cow.obj").write_text(corners)
+    (tmp_path / "post.obj").write_text(QUAD)
+    Image.new("RGB", (2, 2), (10, 20, 30)).save(tmp_path / "spots.png")
+    (tmp_path / "broken.png").write_bytes(b"PNG")
+
+    def scene(of: str, name: str, more: str = "") -> Scene:
+        given = f"{{object: {of}, type: plastic, texture: {name}{more}}}"
+        sources = f"['{tmp_path}/cow.obj', '{tmp_path}/post.obj']"
+        return scene_with(given, source=sources, folder=tmp_path)
+
+    cow = look(made := scene("cow.obj", "spots.png"), "cow.obj")
+    assert made.textures[cow.textures.base_color].texels[0, 0].tolist() == [10, 20, 30]
+    assert (cow.base_color, cow.specular) == ((1.0, 1.0, 1.0), 1.0)
+    assert needs(made).textures
+    assert not any("names no image" in note for note in made.notes)
+    assert look(made, "post.obj").textures.base_color is None
+    assert look(scene("cow.obj", "spots.png", ", color: [0.5, 1, 1]"), "cow.obj").base_color == (0.5, 1.0, 1.0)
+    with pytest.raises(SceneError, match=r"materials\[0\].texture: no mesh that it is for has texture coordinates"):
+        scene("post.obj", "spots.png")
+    for name, why in (("none.png", "No such file"), ("broken.png", "cannot identify image file")):
+        with pytest.raises(SceneError, match=rf"materials\[0\].texture = '{name}': cannot be read \(.*{why}"):
+            scene("cow.obj", name)
