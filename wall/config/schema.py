@@ -43,6 +43,17 @@ def _checked_network(text: str) -> str:
         raise refusal(f"is no network: {error}", accepted="IPv4 addresses, such as 10.1.0.0/24 or 10.1.0.7") from error
 
 
+def _checked_address(text: str) -> str:
+    """The text, unless it looks like an IPv4 address and is none."""
+    try:
+        if not text.strip("0123456789."):
+            ipaddress.IPv4Address(text)
+        return text
+    except ValueError:
+        raise refusal("is no address", accepted="four numbers up to 255, such as 10.1.0.7, or a host's name") from None
+
+
+Address = Annotated[Text, AfterValidator(_checked_address)]
 Network = Annotated[Text, AfterValidator(_checked_network)]
 PortRange = Annotated[Text, AfterValidator(_checked_range)]
 
@@ -53,7 +64,7 @@ class TransportConfig(Model):
     """How ranks talk."""
 
     kind: Literal["zmq", "loopback"] = Field(default="zmq", description="zmq: between processes; loopback: inside one")
-    bind: Text = Field(default="127.0.0.1", description="address that compositors listen on; 0.0.0.0 for several hosts")
+    bind: Address = Field(default="127.0.0.1", description="address that ranks listen on; 0.0.0.0 for several hosts")
     ports: PortRange | None = Field(
         default=None, description="range of ports that ranks listen on, such as 9000-9100; default: any free ones"
     )
