@@ -44,7 +44,7 @@ _install_wall() {
 
 # On a terminal one line that is overwritten, otherwise one line for each package; then what else it said, if it failed.
 _show_progress() {
-    local line said=()
+    local line done="" said=()
     while IFS= read -r line; do
         case "$line" in
             Collecting*|Downloading*|Installing*|Building*|"  Preparing"*)
@@ -52,13 +52,15 @@ _show_progress() {
             "Successfully installed"*)
                 if [ -t 1 ]; then printf '\r\033[K'; fi
                 echo "  installed $(wc -w <<<"$line") packages"
-                return ;;
+                done=1 ;;
+            *rror*) said+=("$line") ;;
             "  "*|Requirement*|Obtaining*|"") ;;
             *) said+=("$line") ;;
         esac
     done
-    [ -t 1 ] && printf '\r\033[K'
-    printf '%.300s\n' "${said[@]: -8}" >&2
+    [ -z "$done" ] || return 0
+    if [ -t 1 ]; then printf '\r\033[K'; fi
+    printf '%.300s\n' "${said[@]}" | tail -n 8 >&2
     case "${said[*]}" in *"onnection"*|*"name resolution"*|*"timed out"*)
         echo "the package index cannot be reached; without a network: docs/guide/cluster.md, Before the first run" >&2 ;;
     esac

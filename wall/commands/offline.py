@@ -110,7 +110,7 @@ def view_panels(layout: Layout, view: int, scale: float) -> list[Panel]:
     right, bottom = (max(panel.screen[axis] + panel.span[axis] for panel in shown) for axis in (0, 1))
     place, first = Rect(x=left, y=top, width=right - left, height=bottom - top), shown[0]
     others = (panel_rect(panel) for panel in layout.wall.panels if panel.view != view and shown[0].inset_of is None)
-    apart = any(panel.plane is not first.plane or panel.sight != first.sight for panel in shown)
+    apart = any(p.plane is not first.plane or p.sight != first.sight or p.pixels != p.span for p in shown)
     if apart or any(rect.intersection(place) for rect in others):
         return [_on_image(panel, scale) for panel in shown]
     size = (place.width, place.height)

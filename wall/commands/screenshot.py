@@ -189,9 +189,12 @@ def _moved(panel: Panel, origin: tuple[int, int]) -> Panel:
 def _lit(layout: Layout, file: _File) -> list[Rect]:
     """The pixels of the image that panels light, a rectangle a panel."""
     tiles = {tile.panel.index: tile.panel for _, tiles in reversed(file.views) for tile in reversed(tiles)}
+    whole = {view: own[0].panel for view, own in file.views}  # a view's panels may be drawn as one
     lit = []
     for panel in layout.wall.panels:
-        plane = tiles.get(panel.index, file.views[0][1][0].panel).plane
+        inset = next((each for each in layout.wall.insets if each.inset_of == panel.index), panel)
+        shown = tiles.get(panel.index) or whole.get(panel.view) or whole.get(inset.view) or file.views[0][1][0].panel
+        plane = shown.plane
         corners = [(panel.lit - plane.origin) @ per / (per @ per) for per in (plane.per_x, plane.per_y)]
         (x0, x1), (y0, y1) = ((max(0, round(v.min())), round(v.max())) for v in corners)
         x1, y1 = min(file.width, x1), min(file.height, y1)

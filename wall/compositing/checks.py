@@ -133,10 +133,8 @@ def note_of_windows(graph: Graph, wall: Wall) -> str:
 def notes_of_hosts(loaded: Loaded, graph: Graph, wall: Wall) -> Iterator[str]:
     """What a wall of several hosts would meet: a head that they cannot reach, windows that open nowhere, or all on one
     rank."""
-    bind, named = (
-        loaded.config.transport.bind,
-        sorted({p.config.host for p in wall.panels if p.config.host is not None}),
-    )
+    bind = loaded.config.transport.bind
+    named = sorted({panel.config.host for panel in wall.panels if panel.config.host is not None})
     if len(named) > 1 and is_loopback(bind):
         what = f"only the machine of the head can reach it, and panels are on {', '.join(named[:4])}"
         yield str(loaded.error(("transport", "bind"), what, "0.0.0.0, or the head's address in their network"))

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 from wall.config.schema import Config
+from wall.core.fields import SRGB_PATTERN
 
 FILE_NAME = "wall.schema.json"
 BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
@@ -130,6 +131,8 @@ def _words(node: dict[str, Any]) -> str:
         return _list_words(node)
     if kind == "object":
         return f"a mapping with {', '.join(keys_of(node))}"
+    if node.get("pattern") == SRGB_PATTERN:
+        return "'#rrggbb' (sRGB, in quotes)"
     text = "letters, digits, '.', '_' and '-'" if "pattern" in node else "text"
     return {"string": text, "boolean": "true or false"}.get(kind, "")
 

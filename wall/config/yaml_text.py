@@ -29,6 +29,23 @@ MAX_DIGITS = 18  # whatever is longer than an int64 is a typing error
 _TAG = "tag:yaml.org,2002:"
 
 
+PLAIN_WORDS = {  # for those of YAML's grammar in the library's errors
+    "'<scalar>'": "a value",
+    "'<stream end>'": "the end of the file",
+    "'<block mapping start>'": "a mapping that is indented otherwise",
+    "'<block sequence start>'": "a list that is indented otherwise",
+    "'?'": "a key",
+    "'<block end>'": "less indentation",
+    "<block end>": "a line as far indented, or less",
+    "while parsing a flow node: expected the node content": "expected a value",
+    "flow sequence": "list in [ ]",
+    "flow mapping": "mapping in { }",
+    "block sequence": "list",
+    "block mapping": "mapping",
+    "block collection": "list",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Position:
     """Position in a text: line and column, counted from 1."""
@@ -120,28 +137,12 @@ def _one_line(error: object) -> str:
     return " ".join(str(error).split())[:200]
 
 
-PLAIN = {  # words of the library's grammar, and what they stand for
-    "'<scalar>'": "a value",
-    "'<stream end>'": "the end of the file",
-    "'<block mapping start>'": "a mapping that is indented otherwise",
-    "'<block sequence start>'": "a list that is indented otherwise",
-    "'<block end>'": "less indentation",
-    "<block end>": "a line as far indented, or less",
-    "while parsing a flow node: expected the node content": "expected a value",
-    "flow sequence": "list in [ ]",
-    "flow mapping": "mapping in { }",
-    "block sequence": "list",
-    "block mapping": "mapping",
-    "block collection": "list",
-}
-
-
 def _syntax(error: MarkedYAMLError) -> Problem:
     mark = error.problem_mark or error.context_mark
     what = _one_line(": ".join(part for part in (error.context, error.problem) if part)) or "not valid YAML"
     if "\\t" in what:
         return Problem(what="a tab cannot indent YAML", accepted="spaces", position=mark and _position(mark))
-    for words, plain in PLAIN.items():
+    for words, plain in PLAIN_WORDS.items():
         what = what.replace(words, plain)
     return Problem(what=f"not valid YAML: {what}", position=mark and _position(mark))
 

@@ -13,6 +13,11 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)  # shares of linear red, green and blue (Re
 CURVE_STEPS = 4096  # of a table of codes by the square root of light: looking up by it keeps dark steps fine
 
 
+def light_of_code(code: str) -> list[float]:
+    """Linear RGB of #rrggbb."""
+    return [float(x) for x in srgb_decoded(np.array(list(bytes.fromhex(code[1:]))) / 255.0)]
+
+
 def srgb_encoded(linear: NDArray[Real]) -> NDArray[Real]:
     """Display values in [0, 1] of linear light, which is clipped to [0, 1]; the same shape and float type."""
     x = np.clip(linear, 0.0, 1.0)

@@ -9,12 +9,11 @@ import math
 import re
 from typing import Annotated, Any
 
-import numpy as np
 from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, StrictStr
 from pydantic_core import PydanticCustomError
 
-from wall.core.colour import srgb_decoded
+from wall.core.colour import light_of_code
 
 FARTHEST = 1e12  # world units; beyond it float64 positions are coarser than 0.1 mm
 BRIGHTEST = 1e9  # keeps products of light and reflectance finite in float32
@@ -61,7 +60,7 @@ def _linear(color: Any) -> Any:
         return color
     if not re.fullmatch(SRGB_PATTERN, color):
         raise refusal("is no colour", accepted="'#rrggbb' (sRGB), or [red, green, blue], linear")
-    return tuple(srgb_decoded(np.array(list(bytes.fromhex(color[1:]))) / 255.0).tolist())
+    return tuple(light_of_code(color))
 
 
 _Code = Annotated[StrictStr, Field(pattern=SRGB_PATTERN, description="sRGB as #rrggbb")]

@@ -62,8 +62,8 @@ def _on_one_monitor(loaded: Loaded, wall: Wall) -> Iterator[str]:
         if shown.monitor is None or shown.window is not None:
             continue
         other = first.setdefault((shown.host, shown.display, shown.monitor), panel.of)
-        if other != panel.of:
-            came = f"monitor {shown.monitor} shows panel {other}, and {panel.id} would cover it"
+        if other != panel.of and panel.at == (0, 0):  # of two eyes in one image the first
+            came = f"monitor {shown.monitor} shows panel {other}, and {panel.of} would cover it"
             accepted = "a monitor, display or host of its own, or `window` of both: the part that each takes"
             yield str(loaded.error(panel_path(loaded, panel), came, accepted))
 

@@ -95,7 +95,7 @@ _offering = threading.Lock()
 
 def offer(sink: Offers, layout: Layout) -> None:
     """Offer viewers the choices of a layout, as soon as they are found, unless it is to offer none; later again when
-    files have come to its folder, or gone.
+    files of its folder have come, gone, or changed.
 
     Those found of a layout whose place another one has taken meanwhile are dropped.
     """
@@ -107,9 +107,9 @@ def offer(sink: Offers, layout: Layout) -> None:
 
 
 def _look(to: weakref.ref[Offers], layout: Layout, first: Layout) -> None:
-    found: int | None = -1
+    found: set[tuple[str, int, int]] | None = None
     while True:
-        there = _changed_at(layout.loaded.folder)
+        there = _there(layout.loaded.folder)
         choices = Choices(layout, first) if there != found else None
         with _offering:
             sink = to()
@@ -122,8 +122,11 @@ def _look(to: weakref.ref[Offers], layout: Layout, first: Layout) -> None:
         time.sleep(LOOK_S)
 
 
-def _changed_at(folder: Path) -> int | None:
-    """When a file last came to a folder, or went, nanoseconds; None: it is gone."""
-    with suppress(OSError):
-        return folder.stat().st_mtime_ns
-    return None
+def _there(folder: Path) -> set[tuple[str, int, int]]:
+    """What tells whether files that may be offered have come to a folder, gone, or changed."""
+    found = set()
+    for path in _files(folder, (*CONFIGURATIONS, *MODELS)):
+        with suppress(OSError):
+            state = path.stat()
+            found.add((path.name, state.st_mtime_ns, state.st_size))
+    return found

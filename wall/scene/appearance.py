@@ -31,7 +31,7 @@ class Palette:
 
     linear_vertex_colors: bool
     maps: Maps  # of an MTL file
-    textures_come: bool = False  # from a configuration: it is no news that the file has none
+    textures_given: bool = False  # from a configuration: it is no news that the file has none
     header: dict[str, Any] = field(default_factory=dict)  # a glTF file's JSON; its materials are named by their numbers
     materials: list[Material] = field(default_factory=list)
     images: Textures = field(default_factory=Textures)
@@ -85,7 +85,7 @@ class Palette:
         image = getattr(found, "image", None)
         if image is not None and image.format is None:  # trimesh's own stand-in, not from a file
             image = None
-            if not self.textures_come:
+            if not self.textures_given:
                 self.notes.append(
                     "it has texture coordinates and names no image: its surfaces are plain; wanted: its .mtl, or "
                     "scene.materials with texture: FILE"

@@ -203,7 +203,7 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     """
     given = any(texture_of(each) is not None for each in scene_config.materials)
     sources = [
-        make_source(name, base_folder, scene_config.up, textures_come=given) for name in sources_of(scene_config)
+        make_source(name, base_folder, scene_config.up, textures_given=given) for name in sources_of(scene_config)
     ]
     if scene_config.data:
         from wall.scene.data.loading import load_data  # brings Matplotlib's colours

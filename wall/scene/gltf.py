@@ -15,6 +15,7 @@ import math
 import struct
 from collections.abc import Iterator
 from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -75,13 +76,12 @@ def check_read(header: dict[str, Any]) -> None:
 
     Accessors of morph targets are not read, whatever they are.
     """
-    above = {child: k for k, node in enumerate(header.get("nodes", [])) for child in node.get("children", [])}
-    for start in above:
-        node, seen = start, set[int]()
-        while (node := above.get(node, -1)) >= 0 and node not in seen:
-            if node == start:
-                raise ValueError(f"its nodes {sorted(seen | {start})} are children of each other in a circle")
-            seen.add(node)
+    below = {k: node.get("children", []) for k, node in enumerate(header.get("nodes", []))}
+    try:
+        TopologicalSorter(below).prepare()
+    except CycleError as error:
+        circle = sorted(set(error.args[1]))
+        raise ValueError(f"its nodes {circle} are children of each other in a circle") from None
     primitives = [primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]]
     used = {number for primitive in primitives for number in primitive["attributes"].values()}
     used |= {primitive["indices"] for primitive in primitives if "indices" in primitive}

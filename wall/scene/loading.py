@@ -57,8 +57,8 @@ SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7  # of a whole model, world units; ot
 NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't decode")
 
 
-def load(path: Path, up: Up = "auto", *, textures_come: bool = False) -> Source:
-    """Read a model file; `up`: what is up in it, see SceneConfig; `textures_come`: meshes without textures keep their
+def load(path: Path, up: Up = "auto", *, textures_given: bool = False) -> Source:
+    """Read a model file; `up`: what is up in it, see SceneConfig; `textures_given`: meshes without textures keep their
     texture coordinates, as a configuration has some for them.
 
     Raises SceneError: missing, unknown format, unreadable, or nothing left to draw.
@@ -74,7 +74,7 @@ def load(path: Path, up: Up = "auto", *, textures_come: bool = False) -> Source:
     elif up != "auto":
         notes.append(f"{path.name}: glTF says that y is up; scene.up or --up changes nothing here")
     maps = Maps(_Beside(str(path)).get)
-    palette = Palette(linear_vertex_colors=gltf, textures_come=textures_come, header=header, maps=maps)
+    palette = Palette(linear_vertex_colors=gltf, textures_given=textures_given, header=header, maps=maps)
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
     for name, geometry in loaded.geometry.items():
@@ -158,7 +158,7 @@ def _parsed(path: Path) -> tuple[Any, dict[str, Any]]:
     if kind != "obj":  # of a whole path trimesh takes the kind and the object's name
         file = io.BytesIO(as_utf8(data, kind))
         return trimesh.load_scene(file, file_type=str(path), resolver=beside, process=False), {}
-    text = io.StringIO(data.decode("utf-8", "replace"))
+    text = io.StringIO(as_utf8(data, kind).decode("utf-8"))
     return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True), {}
 
 
@@ -221,7 +221,7 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
     colors_or_none = palette.vertex_colors(visual, len(vertices))
     material = palette.material(visual) if colors_or_none is None or hasattr(visual, "material") else palette.plain()
     palette.see_alpha(visual, material)
-    textured = palette.textures_come or any(k is not None for k in palette.materials[material].textures)
+    textured = palette.textures_given or any(k is not None for k in palette.materials[material].textures)
     uvs, notes = _uvs(name, geometry, palette.uv_sets.get(material, (UvSet(),))) if textured else (None, ())
     raw = RawMesh(
         name=name,

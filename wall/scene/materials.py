@@ -55,8 +55,13 @@ def _of_material(source: Source, config: MaterialConfig, wanted: str, where: str
     if not any(fits):
         names = described(wanted, [material.name for material in source.materials])
         raise SceneError(f"{where}.material = {wanted!r}: no such material; {names}")
-    materials = tuple(_made(m, config, source) if fit else m for m, fit in zip(source.materials, fits, strict=True))
-    _check_placed(config, [mesh for mesh in source.meshes if fits[mesh.material]], where)
+    own = [mesh for mesh in source.meshes if fits[mesh.material]]
+    _check_placed(config, own, where)
+    bare = {mesh.material for mesh in own if mesh.uvs is None}
+    materials = tuple(
+        _textured(changed(material, config), config, source, bare=k in bare) if fits[k] else material
+        for k, material in enumerate(source.materials)
+    )
     return replace(source, materials=materials)
 
 
@@ -67,17 +72,18 @@ def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str)
         names = described(wanted, [instance.name for instance in source.instances])
         raise SceneError(f"{where}.object = {wanted!r}: no such object; {names}")
     materials, meshes, instances = list(source.materials), list(source.meshes), list(source.instances)
-    new_material: dict[int, int] = {}
+    new_material: dict[tuple[int, bool], int] = {}  # by material, and whether the mesh lacks texture coordinates
     new_mesh: dict[int, int] = {}
     for row, (instance, fit) in enumerate(zip(source.instances, fits, strict=True)):
         if not fit:
             continue
         if instance.mesh not in new_mesh:
             mesh = meshes[instance.mesh]
-            if mesh.material not in new_material:
-                materials.append(_made(materials[mesh.material], config, source))
-                new_material[mesh.material] = len(materials) - 1
-            meshes.append(replace(mesh, material=new_material[mesh.material]))
+            kind = mesh.material, mesh.uvs is None
+            if kind not in new_material:
+                materials.append(_textured(changed(materials[mesh.material], config), config, source, bare=kind[1]))
+                new_material[kind] = len(materials) - 1
+            meshes.append(replace(mesh, material=new_material[kind]))
             new_mesh[instance.mesh] = len(meshes) - 1
         instances[row] = replace(instance, mesh=new_mesh[instance.mesh])
     _check_placed(config, [meshes[k] for k in new_mesh], where)
@@ -108,13 +114,14 @@ def _texture(path: Path, where: str) -> tuple[Texture, list[str]]:
     return made.textures[number], made.notes
 
 
-def _made(material: Material, config: MaterialConfig, source: Source) -> Material:
-    """A material as `config` has it, with the newest of the source's textures if it names one."""
-    found = changed(material, config)
+def _textured(material: Material, config: MaterialConfig, source: Source, *, bare: bool) -> Material:
+    """A material with the newest of the source's textures, if `config` names one; `bare`: it is on meshes without
+    texture coordinates, which keep their colour."""
     if texture_of(config) is None:
-        return found
-    color = getattr(config, "color", None) or WHITE
-    return replace(found, base_color=color, textures=found.textures._replace(base_color=len(source.textures) - 1))
+        return material
+    white = getattr(config, "color", None) is None and not bare
+    textures = material.textures._replace(base_color=len(source.textures) - 1)
+    return replace(material, base_color=WHITE if white else material.base_color, textures=textures)
 
 
 def _check_placed(config: MaterialConfig, meshes: Sequence[Mesh], where: str) -> None:

@@ -14,10 +14,8 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Literal, TypeAlias
 
-import numpy as np
-
 from wall.config.views import MOST_STOPS
-from wall.core.colour import srgb_decoded
+from wall.core.colour import light_of_code
 from wall.core.errors import EditError, SceneError
 from wall.core.fields import BRIGHTEST, FARTHEST, LARGEST_IOR, MOST_DEPTH, MOST_STRENGTH, SMALLEST_IOR
 from wall.core.tone_mapping import AS_IT_IS, TONE_MAPPINGS, Tone
@@ -85,18 +83,14 @@ class Parameter:
             given = [SWITCHES.get(str(x).lower(), x) for x in given]
         wanted = WIDTH[self.kind]
         if len(given) == 1 and self.kind in ("color", "light"):
-            given = _rgb(given[0]) if isinstance(given[0], str) and SRGB.fullmatch(given[0]) else wanted * given
+            code = isinstance(given[0], str) and SRGB.fullmatch(given[0])
+            given = light_of_code(given[0]) if code else wanted * given
         numbers = [float(x) for x in given if _is_number(x) and self.low <= x <= self.high]
         whole = self.kind not in ("whole", "choice") or all(x == int(x) for x in numbers)
         length = self.kind != "direction" or math.hypot(*numbers) >= SHORTEST
         if len(given) != wanted or len(numbers) != wanted or not whole or not length:
             raise EditError(f"{self.name} = {_shown(value)}: want {self.accepted}")
         return tuple(numbers)
-
-
-def _rgb(code: str) -> list[float]:
-    """Linear RGB of #rrggbb."""
-    return [float(x) for x in srgb_decoded(np.array(list(bytes.fromhex(code[1:]))) / 255.0)]
 
 
 def _is_number(value: Any) -> bool:

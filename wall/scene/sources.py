@@ -43,8 +43,8 @@ def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
     return () if source is None else source if isinstance(source, tuple) else (source,)
 
 
-def make_source(name: str, base_folder: Path, up: Up = "auto", *, textures_come: bool = False) -> Source:
-    """A built-in scene by its name, or a model file; `up`, `textures_come`: see loading.load. Raises SceneError."""
+def make_source(name: str, base_folder: Path, up: Up = "auto", *, textures_given: bool = False) -> Source:
+    """A built-in scene by its name, or a model file; `up`, `textures_given`: see loading.load. Raises SceneError."""
     if name in BUILT_IN:
         said = () if up == "auto" else (f"{name}: a built-in scene has y up; scene.up or --up changes nothing here",)
         return replace(BUILT_IN[name](), notes=said)
@@ -53,7 +53,7 @@ def make_source(name: str, base_folder: Path, up: Up = "auto", *, textures_come:
         raise SceneError(f"{name}: no built-in scene, and no model file{near} built in are {', '.join(BUILT_IN)}")
     from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
 
-    return load(base_folder / name, up, textures_come=textures_come)
+    return load(base_folder / name, up, textures_given=textures_given)
 
 
 def joined(sources: Sequence[Source]) -> Source:

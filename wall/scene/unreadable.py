@@ -49,8 +49,7 @@ def check_ply(data: bytes) -> None:
     if not re.search(rb"^format\s+ascii", head, re.MULTILINE):
         return
     told = sum(int(count) for count in re.findall(rb"^element\s+\S+\s+(\d+)", head, re.MULTILINE))
-    there = len(body.split(b"\n" if b"\n" in body else b"\r")) - 2  # the first ends the header, the last is empty
-    there += bool(body.rstrip(b" ") and not body.endswith((b"\n", b"\r")))
+    there = body.count(b"\n") - 1 + (not body.endswith(b"\n"))  # the first ends the header
     if there < told:
         raise ValueError(f"the file ends after {max(there, 0)} of the {told} lines that its header tells")
 

@@ -17,7 +17,7 @@ import time
 import urllib.error
 import urllib.request
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -84,6 +84,13 @@ class _Told:
     summary: dict[str, Any] = field(default_factory=dict)
     problems: list[Exception] = field(default_factory=list)
     opened: queue.SimpleQueue[str | None] = field(default_factory=queue.SimpleQueue)  # the page; None: it has ended
+
+
+def has_samples(status: Mapping[str, Any]) -> bool:
+    """Whether every renderer has traced enough for a first image; `status`: as in status.json."""
+    renderers = [rank for rank in status["ranks"] if rank["role"] == "renderer"]
+    pixels = {rank["rank"]: sum(int(w) * int(h) for w, h in REGION.findall(rank["region"])) for rank in renderers}
+    return all(FIRST_PIXELS * status["totals"][rank]["samples"] >= pixels[rank] for rank in pixels)
 
 
 class Running:
@@ -190,13 +197,7 @@ class Running:
     def _has_samples(self, patience_s: float) -> bool:
         """Whether every renderer has traced enough for a first image."""
         with urllib.request.urlopen(self.address + "status.json", timeout=patience_s) as answer:
-            status = json.load(answer)
-        pixels = {rank["rank"]: REGION.search(rank["region"]) for rank in status["ranks"] if rank["role"] == "renderer"}
-        return all(
-            FIRST_PIXELS * status["totals"][rank]["samples"] >= int(size[1]) * int(size[2])
-            for rank, size in pixels.items()
-            if size is not None
-        )
+            return has_samples(json.load(answer))
 
     def stop(self) -> dict[str, Any]:
         """End the run in order, if it still runs. Returns its summary, as in summary.json; so does a second call.

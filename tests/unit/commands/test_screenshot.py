@@ -109,6 +109,39 @@ def test_a_coarse_panel_seen_from_an_eye_of_its_own_fills_its_place(
     assert images[0][:, : round(80 * scale)].std() > 0.01
 
 
+FACES = """\
+version: 1
+scene: {source: courtyard}
+wall:
+  panels:
+    - {id: left, pixels: [30, 60], corners: {lower_left: [-0.8, -0.6, 0.3], lower_right: [-0.5, -0.6, 0], upper_left: [-0.8, 0, 0.3]}}
+    - {id: front, pixels: [40, 60], corners: {lower_left: [-0.5, -0.6, 0], lower_right: [-0.1, -0.6, 0], upper_left: [-0.5, 0, 0]}}
+    - {id: right, pixels: [40, 60], corners: {lower_left: [0, -0.6, 0], lower_right: [0.4, -0.6, 0], upper_left: [0, 0, 0]}}
+views:
+  - {id: one, panels: [left], eye: [0, 0, 1.2]}
+  - {id: two, panels: [front, right], eye: [0, 0, 1.2]}
+"""  # noqa: E501
+
+
+def test_bezels_of_several_views_are_where_their_panels_end(tmp_path: Path, compiled_only: None) -> None:
+    config = tmp_path / "faces.yaml"
+    config.write_text(FACES)
+    [one] = shoot(config, "wall.png", bezels=True)
+    dark = (read(one.path) == BEZEL_RGB).all(axis=(0, 2))
+    assert np.flatnonzero(dark).tolist() == list(range(70, 80))  # between front and right, which have one plane
+
+
+def test_a_view_on_a_coarse_panel_fills_its_place(tmp_path: Path, compiled_only: None) -> None:
+    """The bezels are where they are drawn as finely: its area, not one four times as wide."""
+    config = tmp_path / "faces.yaml"
+    images = []
+    for pixels in ("[40, 60]", "[10, 15]"):
+        text = FACES.replace("id: front, pixels: [40, 60]", f"id: front, pixels: {pixels}")
+        config.write_text(text.replace("[front, right]", "[front]").replace("panels: [left]", "panels: [left, right]"))
+        images.append(read(shoot(config, "wall.exr")[0].path)[:, 30:70])
+    np.testing.assert_allclose(*images, atol=1e-5)
+
+
 def test_scale_gives_the_same_view_in_more_pixels(corner: Path, compiled_only: None) -> None:
     """Each pixel's area is four of the larger image's; their means differ by the noise of edges, not by a shift."""
     small, large = (read(shoot(corner, f"{s}.exr", scale=s, spp=16)[0].path) for s in (1.0, 2.0))

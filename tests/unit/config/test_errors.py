@@ -51,6 +51,9 @@ def test_colours_may_be_codes() -> None:
     data = "data: [{type: points, file: a.csv, radius: 1, color: '#ffbc00'}]"
     [points] = loads(changed("source: courtyard", data)).config.scene.data
     assert points.color == pytest.approx((1.0, 0.5, 0.0), abs=0.005)
+    [line] = refusal(changed("source: courtyard", "source: courtyard\n  sky: {zenith: 3}")).splitlines()
+    assert "scene.sky.zenith = 3" in line
+    assert line.endswith("or '#rrggbb' (sRGB, in quotes) (radiance straight up, linear RGB)")
     [line] = refusal(changed("source: courtyard", data.replace("#ffbc00", "red"))).splitlines()
     assert "color = 'red': is no colour; accepted: '#rrggbb' (sRGB), or [red, green, blue], linear" in line
 

@@ -154,6 +154,8 @@ def test_a_texture_of_the_configuration_is_put_on_by_the_mesh_s_coordinates(tmp_
     assert needs(made).textures
     assert not any("names no image" in note for note in made.notes)
     assert look(made, "post.obj").textures.base_color is None
+    bare = look(scene("'*.obj'", "spots.png"), "post.obj")  # which has no texture coordinates
+    assert bare.base_color == look(made, "post.obj").base_color
     assert look(scene("cow.obj", "spots.png", ", color: [0.5, 1, 1]"), "cow.obj").base_color == (0.5, 1.0, 1.0)
     with pytest.raises(SceneError, match=r"materials\[0\].texture: no mesh that it is for has texture coordinates"):
         scene("post.obj", "spots.png")

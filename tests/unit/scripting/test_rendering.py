@@ -17,6 +17,7 @@ from wall import cli
 from wall.core.errors import ConfigError
 from wall.display.image_file import CHANNELS
 from wall.sampling.pixel_layers import LAYERS
+from wall.scripting.background import has_samples
 
 SIZE = (64, 48)
 HARMONIC, HEAD = "configs/harmonic.vtk", 119  # bytes before its points
@@ -136,3 +137,17 @@ def test_only_an_exr_holds_layers(tmp_path: Path) -> None:
     done = CliRunner().invoke(cli.app, ["render", "courtyard", "--layers", "depth", "-o", str(tmp_path / "x.png")])
     assert isinstance(done.exception, ConfigError)
     assert "accepted: .exr" in str(done.exception)
+
+
+def test_a_first_image_has_samples_of_every_renderer() -> None:
+    """Of 40 and of 2 x 20 pixels: a quarter of them, each."""
+    regions = ["r0c0 8x5+0+0", "r0c1 5x4+0+0; r0c2 5x4+0+0"]
+    ranks = [{"rank": 0, "role": "compositor", "region": ""}]
+    ranks += [{"rank": k + 1, "role": "renderer", "region": region} for k, region in enumerate(regions)]
+
+    def seen(*samples: int) -> bool:
+        return has_samples({"ranks": ranks, "totals": [{"samples": count} for count in (0, *samples)]})
+
+    assert seen(10, 10)
+    assert not seen(10, 9)
+    assert not seen(0, 100)
