@@ -8,7 +8,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,7 +16,6 @@ import pytest
 from rich.table import Table
 from running import (
     comes,
-    environment,
     mpirun,
     page_of,
     panels,
@@ -335,31 +333,6 @@ def test_wrong_number_of_ranks_is_refused_with_the_right_one(tmp_path: Path) -> 
     assert "2 ranks were launched, the configuration needs 3: 1 head + 2 renderers" in done.stderr
     assert "mpirun --with-ft ulfm -x PATH -n 3" in done.stderr
     assert done.stderr.count("ranks were launched") == 1
-
-
-ALONE = """
-import time
-from wall.core.errors import RunError
-from wall.run.bootstrap_mpi import MpiBootstrap
-launched = MpiBootstrap()
-launched.allgather("")
-if launched.rank == 2:
-    with launched.failing_alone():
-        raise RunError("nothing from the head for 60.0 s")
-time.sleep(2.0)
-print(f"rank {launched.rank} is alive", flush=True)
-launched.finish()
-"""
-
-
-@pytest.mark.mpi
-def test_what_goes_wrong_at_one_rank_of_a_running_job_ends_no_other_one() -> None:
-    """An exit code would: mpirun ends all ranks then, whether it tolerates deaths or not."""
-    job = [*mpirun(3, "--with-ft", "ulfm"), sys.executable, "-c", ALONE]
-    done = subprocess.run(job, capture_output=True, text=True, env=environment(), timeout=START_LIMIT_S, check=False)
-    assert "rank 2 on" in done.stderr
-    assert "nothing from the head for 60.0 s" in done.stderr
-    assert sorted(done.stdout.splitlines()) == ["rank 0 is alive", "rank 1 is alive"]
 
 
 def test_a_second_wall_with_the_same_results_or_recording_is_refused_and_the_first_goes_on(

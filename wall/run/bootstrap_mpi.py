@@ -8,6 +8,7 @@ import os
 import signal
 import socket
 import sys
+import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -37,6 +38,8 @@ class MpiBootstrap:
         self.rank: int = self._world.Get_rank()
         self.size: int = self._world.Get_size()
         self._launcher = os.getppid()
+        self._ending: MPI.Comm = self._world.Dup()  # on which no rank waits for anything else
+        self._begun = False
         end_with_parent(signal.SIGTERM)  # or ranks would outlive an mpirun that was killed
 
     def allgather(self, text: str) -> list[str]:
@@ -51,7 +54,9 @@ class MpiBootstrap:
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank, once all are ready: a rank that still compiles is not silent."""
-        return self.allgather(text)[0]
+        told = self.allgather(text)[0]
+        self._begun = True
+        return told
 
     def gather(self, data: bytes) -> list[bytes] | None:
         """Every rank's bytes at rank 0, None elsewhere; for results at the end of `wall render`."""
@@ -70,6 +75,12 @@ class MpiBootstrap:
         """At the exit of this process let MPI end in order, or leave with exit code 1 where it waits for the dead."""
         atexit.unregister(_finalize)  # asked for twice it is done once
         atexit.register(_finalize, self._launcher)
+
+    def refuse(self) -> None:
+        """At the exit of this process end all ranks, unless all of them refuse: those of a run that has not begun wait
+        for each other."""
+        if not self._begun:
+            atexit.register(_end_all, self._ending)
 
     @contextmanager
     def failing_alone(self) -> Iterator[None]:
@@ -93,6 +104,18 @@ class MpiBootstrap:
         text = f"rank {self.rank}: not all ranks have started after {START_WAIT_S:.0f} s; giving up"
         print(text, file=sys.stderr, flush=True)
         os._exit(1)
+
+
+def _end_all(ending: MPI.Comm) -> None:
+    """End all ranks with exit code 2, if they have not all come here within END_WAIT_S."""
+    there, limit = ending.Ibarrier(), time.monotonic() + END_WAIT_S
+    while not there.Test():
+        if time.monotonic() > limit:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            remove_segments()
+            ending.Abort(2)
+        time.sleep(0.01)
 
 
 def _finalize(launcher: int) -> None:

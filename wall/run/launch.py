@@ -139,10 +139,12 @@ def _run_mpi(
     from wall.run.bootstrap_mpi import MpiBootstrap
 
     launched = MpiBootstrap()
+    launched.finish()  # however it ends: MPI would wait for the others for ever
     try:
         return _run_launched(launched, layout, options, say, opened)
-    finally:
-        launched.finish()  # however it ends: MPI would wait for the others for ever
+    except BaseException:
+        launched.refuse()
+        raise
 
 
 def _run_launched(
