@@ -8,12 +8,11 @@ from typing import Any
 
 from wall.config.loading import Loaded, default_for_model, load, load_values, nearest
 from wall.core.errors import ConfigError
-from wall.scene.sources import BUILT_IN, is_built_in
+from wall.scene.sources import BUILT_IN, MODEL_SUFFIXES, is_built_in
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "configs"  # those of the clone, which are packaged too
 DEMO = EXAMPLES / "demo.yaml"
 DATA_SUFFIXES = (".vti", ".vtp", ".vtu", ".vtk", ".csv", ".npy", ".npz", ".mhd")
-MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 OTHER_MODELS = (
     *(".3dm", ".3ds", ".3mf", ".abc", ".blend", ".c4d", ".dae", ".dxf", ".e57", ".fbx", ".iges", ".igs", ".las"),
     *(".laz", ".lwo", ".max", ".off", ".pcd", ".pts", ".skp", ".step", ".stp", ".usd", ".usda", ".usdc", ".usdz"),

@@ -95,7 +95,7 @@ def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.
     if found is None and size is not None:
         scale, size = scale_to(size, layout), None
     if found is None or (size is None and len(wall.faces) > 1):
-        return [_on_image(panel, scale) for panel in wall.panels]
+        return [scaled(panel, scale, panel.span) for panel in wall.panels]
     width, height = size or (max(1, round(scale * found.width)), max(1, round(scale * found.height)))
     per, own = found.height / height, found.plane
     left = found.width / 2 - per * width / 2
@@ -112,9 +112,9 @@ def view_panels(layout: Layout, view: int, scale: float) -> list[Panel]:
     others = (panel_rect(panel) for panel in layout.wall.panels if panel.view != view and shown[0].inset_of is None)
     apart = any(p.plane is not first.plane or p.sight != first.sight or p.pixels != p.span for p in shown)
     if apart or any(rect.intersection(place) for rect in others):
-        return [_on_image(panel, scale) for panel in shown]
+        return [scaled(panel, scale, panel.span) for panel in shown]
     size = (place.width, place.height)
-    return [_on_image(replace(first, pixels=size, screen=(left, top), span=size), scale)]
+    return [scaled(replace(first, pixels=size, screen=(left, top), span=size), scale)]
 
 
 def scale_to(size: tuple[int, int], layout: Layout) -> float:
@@ -132,17 +132,14 @@ def scale_to(size: tuple[int, int], layout: Layout) -> float:
     return scale
 
 
-def scaled(panel: Panel, scale: float) -> Panel:
-    """Scale a panel's pixel counts and screen position, rounded to whole pixels; its lit area in metres stays."""
-    return panel if scale == 1.0 else _resampled(panel, scale, panel.pixels)
+def scaled(panel: Panel, scale: float, span: tuple[int, int] | None = None) -> Panel:
+    """Scale a panel's pixel counts and screen position, rounded to whole pixels; its lit area in metres stays.
 
-
-def _on_image(panel: Panel, scale: float) -> Panel:
-    """A panel in the wall's image at that scale: with the finest pixels of its face, not its own."""
-    return panel if scale == 1.0 and panel.span == panel.pixels else _resampled(panel, scale, panel.span)
-
-
-def _resampled(panel: Panel, scale: float, span: tuple[int, int]) -> Panel:
+    span : width and height to scale, such as its own in the wall's image; None: its pixels
+    """
+    span = span or panel.pixels
+    if scale == 1.0 and span == panel.pixels:
+        return panel
     (w, h), plane = panel.pixels, panel.plane
     (left, top), (x, y) = panel.screen, (round(scale * each) for each in panel.screen)
     width, height = max(1, round(scale * (left + span[0])) - x), max(1, round(scale * (top + span[1])) - y)

@@ -121,7 +121,7 @@ def check_windows_are_apart(graph: Graph, config: NodeGraph, wall: Wall, refusal
 def note_of_windows(graph: Graph, wall: Wall) -> str:
     """That panels say where their windows are, and no sink opens any; "" else."""
     placed = [panel.of for panel in wall.panels if (panel.config.monitor, panel.config.window) != (None, None)]
-    if not placed or any(isinstance(step.node, SinkNode) and step.node.kind == "window" for step in graph.steps):
+    if not placed or any(sink.kind == "window" for sink in graph.sinks):
         return ""
     more = f" and {len(set(placed)) - 1} more name" if len(set(placed)) > 1 else " names"
     return (

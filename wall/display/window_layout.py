@@ -162,11 +162,9 @@ def _side_by_side(panels: Sequence[WindowRequest], room: Box) -> dict[str, Box]:
     y0 = room.y + (room.height - round(scale * height)) // 2
     boxes = {}
     for panel in panels:
-        x, right = (
-            round(scale * (at * stretch[0] - left)) for at in (panel.screen[0], panel.screen[0] + panel.span[0])
-        )
-        y, bottom = (
-            round(scale * (at * stretch[1] - top)) for at in (panel.screen[1], panel.screen[1] + panel.span[1])
+        (x, right), (y, bottom) = (
+            [round(scale * (at * stretch[k] - corner)) for at in (panel.screen[k], panel.screen[k] + panel.span[k])]
+            for k, corner in enumerate((left, top))
         )
         boxes[panel.id] = Box(x0 + x, y0 + y, max(1, right - x), max(1, bottom - y))
     return boxes

@@ -15,9 +15,9 @@ from wall.display.base import Offers
 from wall.roles.config_edits import text_of
 from wall.roles.plan import Layout, make_layout
 from wall.roles.reloading import as_run, check_fits
-from wall.scene.sources import BUILT_IN
+from wall.scene.sources import BUILT_IN, MODEL_SUFFIXES
 
-CONFIGURATIONS, MODELS = (".yaml", ".yml"), (".glb", ".gltf", ".obj", ".ply", ".stl")
+CONFIGURATIONS = (".yaml", ".yml")
 MOST_FILES = 64  # of either kind: looking into so many configurations takes half a second
 MOST_BYTES = 1 << 18  # of a configuration
 LOOK_S = 2.0  # between looks whether a folder has changed
@@ -35,7 +35,7 @@ class Choices:
         self._layout, self._first = layout, (first or layout).loaded
         folder = layout.loaded.folder
         self._configurations = [path.name for path in _files(folder, CONFIGURATIONS) if self._fits(path)]
-        self._models = [path.name for path in _files(folder, MODELS)]
+        self._models = [path.name for path in _files(folder, MODEL_SUFFIXES)]
         own = () if self._is_file(self._first) else (AS_BEGUN,)
         self.names = (*own, *self._configurations, *self._models, *BUILT_IN)
         self.shown = self._shown()
@@ -125,7 +125,7 @@ def _look(to: weakref.ref[Offers], layout: Layout, first: Layout) -> None:
 def _there(folder: Path) -> set[tuple[str, int, int]]:
     """What tells whether files that may be offered have come to a folder, gone, or changed."""
     found = set()
-    for path in _files(folder, (*CONFIGURATIONS, *MODELS)):
+    for path in (*_files(folder, CONFIGURATIONS), *_files(folder, MODEL_SUFFIXES)):
         with suppress(OSError):
             state = path.stat()
             found.add((path.name, state.st_mtime_ns, state.st_size))

@@ -48,10 +48,10 @@ from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.mtl import Maps, options_of
 from wall.scene.repair import RawMesh, Repaired, repair
-from wall.scene.unreadable import as_utf8, check_ply, why_unreadable
+from wall.scene.sources import MODEL_SUFFIXES
+from wall.scene.unreadable import as_utf8, check_ply, text_of, why_unreadable
 from wall.scene.up import Y_FROM
 
-FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 FLATTEST = 1e-7  # smallest over largest stretch of a placement that can still be inverted
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7  # of a whole model, world units; others are scaled to radius 1
 NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't decode")
@@ -128,8 +128,8 @@ def _motions(
 
 def _read(path: Path) -> tuple[Any, list[str], dict[str, Any]]:
     """trimesh's scene of a file, what trimesh only whispers to its log, and a glTF's JSON, {} for other formats."""
-    known = ", ".join(FORMATS)
-    if path.suffix.lower() not in FORMATS:
+    known = ", ".join(MODEL_SUFFIXES)
+    if path.suffix.lower() not in MODEL_SUFFIXES:
         raise SceneError(f"{path}: no built-in scene and no known kind of model, known are {known}")
     if not path.is_file():
         raise SceneError(f"{path}: is a folder" if path.is_dir() else f"{path}: there is no such file")
@@ -158,7 +158,7 @@ def _parsed(path: Path) -> tuple[Any, dict[str, Any]]:
     if kind != "obj":  # of a whole path trimesh takes the kind and the object's name
         file = io.BytesIO(as_utf8(data, kind))
         return trimesh.load_scene(file, file_type=str(path), resolver=beside, process=False), {}
-    text = io.StringIO(as_utf8(data, kind).decode("utf-8"))
+    text = io.StringIO(text_of(data))
     return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True), {}
 
 

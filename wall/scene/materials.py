@@ -39,34 +39,36 @@ def with_materials(source: Source, configs: Sequence[MaterialConfig], base_folde
     """
     for number, config in enumerate(configs):
         where = f"scene.materials[{number}]"
+        texture = None
         if (name := texture_of(config)) is not None:
-            texture, notes = _texture(base_folder / name, f"{where}.texture = {name!r}")
-            source = replace(source, textures=(*source.textures, texture), notes=(*source.notes, *notes))
-        if config.material is not None:
-            source = _of_material(source, config, config.material, where)
-        else:
-            source = _of_objects(source, config, config.object or "", where)
+            image, notes = _texture(base_folder / name, f"{where}.texture = {name!r}")
+            texture = len(source.textures)
+            source = replace(source, textures=(*source.textures, image), notes=(*source.notes, *notes))
+        make = _of_objects if config.material is None else _of_material
+        source = make(source, config, texture, where)
     return source
 
 
-def _of_material(source: Source, config: MaterialConfig, wanted: str, where: str) -> Source:
-    """Replaces materials by name."""
+def _of_material(source: Source, config: MaterialConfig, texture: int | None, where: str) -> Source:
+    """Replaces materials by name; `texture`: index of the one that they get."""
+    wanted = config.material or ""
     fits = [fnmatchcase(material.name, wanted) for material in source.materials]
     if not any(fits):
         names = described(wanted, [material.name for material in source.materials])
         raise SceneError(f"{where}.material = {wanted!r}: no such material; {names}")
     own = [mesh for mesh in source.meshes if fits[mesh.material]]
-    _check_placed(config, own, where)
+    _check_placed(texture, own, where)
     bare = {mesh.material for mesh in own if mesh.uvs is None}
     materials = tuple(
-        _textured(changed(material, config), config, source, bare=k in bare) if fits[k] else material
+        _textured(changed(material, config), config, texture, bare=k in bare) if fits[k] else material
         for k, material in enumerate(source.materials)
     )
     return replace(source, materials=materials)
 
 
-def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str) -> Source:
+def _of_objects(source: Source, config: MaterialConfig, texture: int | None, where: str) -> Source:
     """Gives matched objects meshes of their own material; a mesh that others show too is kept beside it."""
+    wanted = config.object or ""
     fits = [fnmatchcase(instance.name, wanted) for instance in source.instances]
     if not any(fits):
         names = described(wanted, [instance.name for instance in source.instances])
@@ -81,12 +83,12 @@ def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str)
             mesh = meshes[instance.mesh]
             kind = mesh.material, mesh.uvs is None
             if kind not in new_material:
-                materials.append(_textured(changed(materials[mesh.material], config), config, source, bare=kind[1]))
+                materials.append(_textured(changed(materials[mesh.material], config), config, texture, bare=kind[1]))
                 new_material[kind] = len(materials) - 1
             meshes.append(replace(mesh, material=new_material[kind]))
             new_mesh[instance.mesh] = len(meshes) - 1
         instances[row] = replace(instance, mesh=new_mesh[instance.mesh])
-    _check_placed(config, [meshes[k] for k in new_mesh], where)
+    _check_placed(texture, [meshes[k] for k in new_mesh], where)
     used = sorted({instance.mesh for instance in instances})
     place = {mesh: k for k, mesh in enumerate(used)}
     return replace(
@@ -114,19 +116,19 @@ def _texture(path: Path, where: str) -> tuple[Texture, list[str]]:
     return made.textures[number], made.notes
 
 
-def _textured(material: Material, config: MaterialConfig, source: Source, *, bare: bool) -> Material:
-    """A material with the newest of the source's textures, if `config` names one; `bare`: it is on meshes without
-    texture coordinates, which keep their colour."""
-    if texture_of(config) is None:
+def _textured(material: Material, config: MaterialConfig, texture: int | None, *, bare: bool) -> Material:
+    """A material with a texture, if there is one; `bare`: it is on meshes without texture coordinates, which keep
+    their colour."""
+    if texture is None:
         return material
     white = getattr(config, "color", None) is None and not bare
-    textures = material.textures._replace(base_color=len(source.textures) - 1)
+    textures = material.textures._replace(base_color=texture)
     return replace(material, base_color=WHITE if white else material.base_color, textures=textures)
 
 
-def _check_placed(config: MaterialConfig, meshes: Sequence[Mesh], where: str) -> None:
+def _check_placed(texture: int | None, meshes: Sequence[Mesh], where: str) -> None:
     """Refuse a texture for meshes none of which says where it is on them. Raises SceneError."""
-    if texture_of(config) is not None and all(mesh.uvs is None for mesh in meshes):
+    if texture is not None and all(mesh.uvs is None for mesh in meshes):
         raise SceneError(f"{where}.texture: no mesh that it is for has texture coordinates; wanted one that has")
 
 

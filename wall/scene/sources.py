@@ -32,6 +32,9 @@ BUILT_IN = {
 }
 
 
+MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+
+
 def is_built_in(what: str | Path) -> bool:
     """Whether a built-in scene is meant; a file comes before one of the same name."""
     return str(what) in BUILT_IN and not Path(what).is_file()

@@ -11,9 +11,10 @@ from typing import Any
 
 from wall.scene.gltf import HEADER, MALFORMED, renamed
 
+PLY_END = b"end_header"
 STL_HEADER = struct.Struct("<80xI")  # how many triangles
 STL_TRIANGLE_BYTES = 50
-TEXT = ("mtl", "obj", "ply", "stl")  # of these kinds, trimesh wants UTF-8, or a package that guesses
+TEXT = ("mtl", "ply", "stl")  # of these kinds, trimesh wants UTF-8, or a package that guesses
 SHOWN = 60  # characters of a line
 REFERENCES = {  # of glTF: the list that each member of a list's entries counts in
     "scenes": {"nodes": "nodes"},
@@ -26,30 +27,34 @@ REFERENCES = {  # of glTF: the list that each member of a list's entries counts 
 WIDTHS = {"v": 3, "vt": 2, "vn": 3}  # numbers at least
 
 
-def as_utf8(data: bytes, kind: str) -> bytes:
-    """Text of a model's file in UTF-8, whatever encoding it is in: what is not UTF-8 already is taken for Latin-1.
+def text_of(data: bytes) -> str:
+    """Text of a model's file; what is not UTF-8 is taken for Latin-1."""
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
-    Binary files come back as they are; of a PLY only the header is text.
-    """
+
+def as_utf8(data: bytes, kind: str) -> bytes:
+    """A model's file with its text in UTF-8, see text_of. Binary files come back as they are; of a PLY only the header
+    is text."""
     binary = kind == "stl" and len(data) >= STL_HEADER.size and len(data) == _stl_size(data)
     if kind not in TEXT or binary:
         return data
-    head, end, rest = data.partition(b"end_header") if kind == "ply" else (data, b"", b"")
-    try:
-        head.decode("utf-8")
-    except UnicodeDecodeError:
-        return head.decode("latin-1").encode("utf-8") + end + rest
-    return data
+    end = data.find(PLY_END) if kind == "ply" else len(data)
+    text = text_of(data[:end]).encode()
+    return data if text == data[:end] else text + data[end:]
 
 
 def check_ply(data: bytes) -> None:
     """Raise ValueError for a PLY file in text that has fewer lines than its header tells; of binary ones its parser
     counts the bytes."""
-    head, _, body = data.partition(b"end_header")
+    end = data.find(PLY_END)
+    head = data[:end]
     if not re.search(rb"^format\s+ascii", head, re.MULTILINE):
         return
     told = sum(int(count) for count in re.findall(rb"^element\s+\S+\s+(\d+)", head, re.MULTILINE))
-    there = body.count(b"\n") - 1 + (not body.endswith(b"\n"))  # the first ends the header
+    there = data.count(b"\n", end) - 1 + (not data.endswith(b"\n"))  # the first ends the header
     if there < told:
         raise ValueError(f"the file ends after {max(there, 0)} of the {told} lines that its header tells")
 

@@ -182,11 +182,9 @@ class Running:
         while True:
             try:
                 self._seen = self._seen or time.monotonic() > limit - 0.5 * patience_s or self._has_samples(patience_s)
-                if not self._seen:
-                    time.sleep(ASK_AGAIN_S)
-                    continue
-                with urllib.request.urlopen(self.address + "wall.png", timeout=patience_s) as answer:
-                    return np.array(Image.open(io.BytesIO(answer.read())).convert("RGB"))
+                if self._seen:
+                    with urllib.request.urlopen(self.address + "wall.png", timeout=patience_s) as answer:
+                        return np.array(Image.open(io.BytesIO(answer.read())).convert("RGB"))
             except urllib.error.HTTPError as error:
                 if error.code != 503 or time.monotonic() > limit:
                     raise RunError(f"{self.address}: no image ({error})") from error
