@@ -51,6 +51,7 @@ class ZmqLink(Link):
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._lock = threading.Lock()
         self._socket = open_socket(self._context, zmq.DEALER)
+        self._socket.setsockopt(zmq.RCVHWM, 0)  # or heartbeats wait behind a full queue, and end the connection
         self._socket.setsockopt(zmq.ROUTING_ID, b"rank %d " % rank + os.urandom(8).hex().encode())
         if keys is not None:
             keys.unlock(self._socket, to)
