@@ -5,9 +5,10 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator
 
+from wall.core.system import available_bytes
 from wall.roles.memory import memory_on_host
 from wall.roles.plan import Plan, on_one_machine
-from wall.run.host_memory import GB, MB, SURELY, available_bytes, check_memory, parts_of, ranks_here, too_much
+from wall.run.host_memory import GB, MB, SURELY, check_memory, parts_of, ranks_here, too_much
 from wall.run.usage import memory, usage
 
 

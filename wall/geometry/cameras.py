@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from wall.config.loading import Loaded, nearest
 from wall.config.views import KeyframesPathConfig, OrbitPathConfig, PathConfig
-from wall.core.data import STILL, Camera, Event, Float32, Float64
+from wall.core.data import STILL, Camera, Event, Float64
 from wall.geometry.curves import catmull_rom
 from wall.geometry.eyes import default_eye as default_eye
 from wall.geometry.eyes import eye_of, standing_eye
 from wall.geometry.frusta import cone_inside
+from wall.geometry.lens import NamedCamera
 from wall.geometry.moving import MovingEvent
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.twist import rotation_by
@@ -25,33 +26,6 @@ AUTO_ELEVATION = math.radians(20.0)
 NEAREST_TARGET = 0.1  # radii of the scene, where a named camera has nothing ahead
 NARROWEST_UNION = 0.6  # of the cone into one panel: so narrow a cone into several side by side is as good
 WIDEST_CONE = math.radians(80.0)  # beyond it the eye would stand inside the scene
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NamedCamera:
-    """A camera that a scene's source brings."""
-
-    name: str
-    world_from_camera: Float64  # (4, 4) rigid; it looks along its -z, its y is up
-    fov: float  # vertical, degrees
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lens:
-    """A thin lens before the eye, parallel to the wall's x and y."""
-
-    radius: float  # world units
-    focus: float  # world units from the eye to the plane in focus
-
-    @property
-    def aperture(self) -> float:
-        """Its diameter, world units."""
-        return 2 * self.radius
-
-    def rows(self, rotation: Float64) -> Float32:
-        """(3, 3) float32, what tracing.kernels.lens wants, for a camera's rotation (3, 3)."""
-        right, up, back = rotation.T
-        return np.array([self.radius * right, self.radius * up, -back / self.focus], np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

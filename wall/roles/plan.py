@@ -20,9 +20,10 @@ from wall.config.schema import Config
 from wall.config.views import ViewConfig
 from wall.core.data import Event, Region
 from wall.core.errors import ConfigError, RemoteProtocolError, SceneError
-from wall.geometry.cameras import Lens, View, resolve_view
+from wall.geometry.cameras import View, resolve_view
 from wall.geometry.checks import check_wall
 from wall.geometry.expanding import wall_of
+from wall.geometry.lens import Lens
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.prediction import Predictor
 from wall.geometry.strips import Strips

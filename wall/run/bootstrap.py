@@ -6,16 +6,12 @@ the others, after it has loaded the scene and the kernels, so that they start at
 
 from __future__ import annotations
 
-import ctypes
-import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
 from wall.transport.curve import Keys
-
-_PR_SET_PDEATHSIG = 1
 
 
 class Bootstrap(Protocol):
@@ -41,11 +37,6 @@ class Bootstrap(Protocol):
     def finish(self, *, told: bool = True) -> None:
         """End what was started, within a bounded time; at once where nobody `told` it to end, if that can be."""
         ...
-
-
-def end_with_parent(number: signal.Signals) -> None:
-    """Let this process get a signal when the process that started it ends."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
 
 
 @contextmanager

@@ -17,7 +17,8 @@ from pathlib import Path
 from mpi4py import MPI
 
 from wall.core.errors import WallError
-from wall.run.bootstrap import end_with_parent, time_limit
+from wall.core.system import end_with_parent
+from wall.run.bootstrap import time_limit
 from wall.transport.curve import KeyPair, Keys
 
 START_WAIT_S = 600.0  # for all ranks to load the scene and, on a fresh machine, to compile

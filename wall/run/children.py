@@ -15,7 +15,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, TypeAlias
 
 from wall.core.errors import WallError
-from wall.run.bootstrap import end_with_parent
+from wall.core.system import end_with_parent
 from wall.transport.curve import Keys
 
 END_S = 6.0  # for a process that was killed

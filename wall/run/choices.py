@@ -15,7 +15,8 @@ from wall.display.base import Offers
 from wall.roles.config_edits import text_of
 from wall.roles.plan import Layout, make_layout
 from wall.roles.reloading import as_run, check_fits
-from wall.scene.sources import BUILT_IN, MODEL_SUFFIXES
+from wall.scene.model_files import MODEL_SUFFIXES
+from wall.scene.sources import BUILT_IN
 
 CONFIGURATIONS = (".yaml", ".yml")
 MOST_FILES = 64  # of either kind: looking into so many configurations takes half a second

@@ -11,6 +11,8 @@ from collections import defaultdict
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+from wall.core.system import groups_of_this_process, read
+
 HEAD_WEIGHT = 0.25  # of a head among processes that share a core: it shows what renderers made
 
 
@@ -44,56 +46,13 @@ def share_of_cores(own: int, processes: Sequence[Collection[int]], *, head: int 
     return min(sum(weights[own] / users[core] for core in processes[own]), limit * weights[own] / sum(weights))
 
 
-def groups_of_this_process(controller: str = "cpu", proc: Path = Path("/proc")) -> list[tuple[Path, int]]:
-    """See groups_of."""
-    return groups_of(_read(proc / "self" / "cgroup"), _read(proc / "self" / "mountinfo"), controller)
-
-
 def quota_of(group: Path, version: int) -> float:
     """The cores that a cgroup may use; infinite where it has no quota."""
     if version == 2:
-        quota, _, period = _read(group / "cpu.max").partition(" ")
+        quota, _, period = read(group / "cpu.max").partition(" ")
     else:
-        quota, period = _read(group / "cpu.cfs_quota_us"), _read(group / "cpu.cfs_period_us")
+        quota, period = read(group / "cpu.cfs_quota_us"), read(group / "cpu.cfs_period_us")
     try:
         return int(quota) / int(period) if int(quota) > 0 else float("inf")
     except (ValueError, ZeroDivisionError):  # "max", or there is no such file
         return float("inf")
-
-
-def groups_of(cgroup: str, mountinfo: str, controller: str = "cpu") -> list[tuple[Path, int]]:
-    """Folders of cgroups with a controller, with their version: this process's own first, then those above it.
-
-    cgroup, mountinfo : texts of those files of /proc/self
-    """
-    own = {}  # by controller, "" for version 2: this process's path below the mount
-    for line in cgroup.splitlines():
-        _, controllers, path = line.split(":", 2)
-        own.update(dict.fromkeys(controllers.split(","), path))
-    found: list[tuple[Path, int]] = []
-    for line in mountinfo.splitlines():
-        left, _, right = line.partition(" - ")
-        kind, _, options = right.split(" ", 2)
-        root, mount = left.split()[3:5]
-        if kind == "cgroup2":
-            folders = _upwards(Path(mount), root, own.get("", "/"))
-            found += [(folder, 2) for folder in folders if controller in _read(folder / "cgroup.controllers").split()]
-        elif kind == "cgroup" and controller in options.split(","):
-            found += [(folder, 1) for folder in _upwards(Path(mount), root, own.get(controller, "/"))]
-    return found
-
-
-def _upwards(mount: Path, root: str, path: str) -> list[Path]:
-    """From a process's own folder to the mount: only folders that are there, a container may see a part of them."""
-    below = path.removeprefix(root) if root != "/" else path
-    own = mount / below.lstrip("/")
-    chain = [own, *own.parents]
-    return [folder for folder in chain[: chain.index(mount) + 1] if folder.is_dir()]
-
-
-def _read(path: str | Path) -> str:
-    """A file of the kernel; "" where there is none."""
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except OSError:
-        return ""

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from wall.core.errors import ConfigError
+from wall.core.system import available_bytes
 from wall.roles.memory import HostMemory, memory_on_host
 from wall.roles.plan import Layout, Plan
-from wall.run.cores import groups_of_this_process
 from wall.run.hosts import same_machine
 from wall.run.usage import memory
 
 GB, MB = 1e9, 1e6
 SURELY = 1.25  # times what is left: by so much what is worked out may be too much, see docs/guide/configuration.md
-NO_LIMIT = 1 << 60  # bytes: what version 1 of control groups says where there is none is near 2^63
 FEWER_PIXELS = "fewer pixels, or fewer sampling.samples_per_pixel"
-FILES = {  # by version: the limit, what is used, and of memory.stat pages that the kernel drops where memory is wanted
-    1: ("memory.limit_in_bytes", "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),
-    2: ("memory.max", "memory.current", ("inactive_file", "active_file")),
-}
 REMEDIES = {
     "images": f"{FEWER_PIXELS}, or more ranks on more machines",
     "framelets": "fewer pixels, or more compositors on more machines",
@@ -28,32 +22,6 @@ REMEDIES = {
     "scene": "a smaller model or smaller textures",
     "programs": "fewer ranks on this machine",
 }
-
-
-def available_bytes(proc: Path = Path("/proc")) -> int | None:
-    """Bytes that processes here may still take, by the kernel and by the limits of this one's control groups.
-
-    None where that is not told: not Linux.
-    """
-    try:
-        lines = (proc / "meminfo").read_text(encoding="ascii").splitlines()
-        left = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
-    except (OSError, ValueError, StopIteration):
-        return None
-    limits = (_left_in(folder, *FILES[version]) for folder, version in groups_of_this_process("memory", proc))
-    return min([left, *(limit for limit in limits if limit is not None)])
-
-
-def _left_in(folder: Path, limit: str, usage: str, dropped: tuple[str, ...]) -> int | None:
-    """Of one group its limit less what is used, but for pages of files; None: it has no limit, or is not seen here."""
-    try:
-        most = int((folder / limit).read_text(encoding="ascii"))  # "max": none
-        used = int((folder / usage).read_text(encoding="ascii"))
-        told = dict(line.split() for line in (folder / "memory.stat").read_text(encoding="ascii").splitlines())
-        files = sum(int(told.get(name, 0)) for name in dropped)
-    except (OSError, ValueError):
-        return None
-    return None if most >= NO_LIMIT else max(0, most - max(0, used - files))
 
 
 def check_memory(plan: Plan, ranks: Sequence[int], *, forked: bool, available: int | None, host: str) -> HostMemory:

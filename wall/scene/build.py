@@ -14,7 +14,7 @@ from wall.config.materials import AmbientOcclusionConfig, IntegratorConfig, Path
 from wall.config.scene import MotionConfig, ParameterConfig, SceneConfig
 from wall.core.data import NO_EDITS, Edits, Float64
 from wall.core.errors import SceneError
-from wall.geometry.cameras import Lens, NamedCamera
+from wall.geometry.lens import Lens, NamedCamera
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.area_lights import emitting
 from wall.scene.bounds import framing_sphere, middle, world_boxes
@@ -46,7 +46,7 @@ from wall.scene.parameter_tracks import ParameterTrack, tracks_of
 from wall.scene.placed import only_placed
 from wall.scene.series import Series, at_once, hide_others
 from wall.scene.shading import shaded
-from wall.scene.sources import joined, make_source, sources_of
+from wall.scene.sources import joined, make_sources, sources_of
 
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
 SHORTEST = 1e-12  # length of a direction; a shorter one, between opposite keyframes, lights nothing
@@ -202,9 +202,7 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     Raises SceneError where a model or an environment cannot be used, or where the animation names what does not exist.
     """
     given = any(texture_of(each) is not None for each in scene_config.materials)
-    sources = [
-        make_source(name, base_folder, scene_config.up, textures_given=given) for name in sources_of(scene_config)
-    ]
+    sources = make_sources(sources_of(scene_config), base_folder, scene_config.up, textures_given=given)
     if scene_config.data:
         from wall.scene.data.loading import load_data  # brings Matplotlib's colours
 

@@ -24,7 +24,7 @@ import numpy as np
 from wall.core.data import Float64
 from wall.core.fields import LARGEST_IOR
 from wall.core.files import read_file
-from wall.geometry.cameras import NamedCamera
+from wall.geometry.lens import NamedCamera
 from wall.scene.animation import Vector
 from wall.scene.lights import unit
 from wall.scene.model import AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap

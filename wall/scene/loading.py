@@ -16,13 +16,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from logging.handlers import MemoryHandler
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from wall.config.scene import Up
 from wall.core.data import Float64
 from wall.core.errors import SceneError
 from wall.core.files import read_file
@@ -46,11 +45,14 @@ from wall.scene.gltf_animation import motions_of
 from wall.scene.gltf_instancing import instance_poses
 from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
+from wall.scene.model_files import MODEL_SUFFIXES
 from wall.scene.mtl import Maps, options_of
 from wall.scene.repair import RawMesh, Repaired, repair
-from wall.scene.sources import MODEL_SUFFIXES
 from wall.scene.unreadable import as_utf8, check_ply, text_of, why_unreadable
 from wall.scene.up import Y_FROM
+
+if TYPE_CHECKING:
+    from wall.config.scene import Up
 
 FLATTEST = 1e-7  # smallest over largest stretch of a placement that can still be inverted
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7  # of a whole model, world units; others are scaled to radius 1
@@ -139,6 +141,8 @@ def _read(path: Path) -> tuple[Any, list[str], dict[str, Any]]:
                 warnings.simplefilter("ignore")  # numpy's, about numbers that trimesh's parsers stumble on
                 loaded, header = _parsed(path)
                 return loaded, notes, header
+        except MemoryError:
+            raise
         except Exception as error:  # parsers of broken files raise anything
             reason = why_unreadable(path) or f"{type(error).__name__}: {error}"
             raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {reason}") from error

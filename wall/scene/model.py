@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
-from wall.geometry.cameras import Lens, NamedCamera
+from wall.geometry.lens import Lens, NamedCamera
 from wall.scene.animation import Moving
 from wall.scene.series import Series
+
+if TYPE_CHECKING:
+    from wall.config.scene import AnimationConfig
 
 DARKEST_LEFT, SHORTEST_WAY = 1e-6, 1e-9  # that absorption is known by: a colour, world units; less counts as this
 SHARPEST_SPOT = 1e-3  # between the cosines of a spot's angles, as glTF says

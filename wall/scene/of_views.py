@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from wall.geometry.cameras import Lens
+from wall.geometry.lens import Lens
 from wall.scene.build import Scene
 from wall.scene.model import AmbientOcclusion
 

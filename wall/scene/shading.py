@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias, TypeVar, cast
 
-from wall.geometry.cameras import Lens
+from wall.geometry.lens import Lens
 from wall.scene.lights import unit
 from wall.scene.model import Cut, Light, Material, Shading, Sky
 from wall.scene.object_edits import OBJECTS

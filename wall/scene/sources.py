@@ -18,6 +18,7 @@ from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.builtin.museum import museum
 from wall.scene.builtin.spheres import spheres
 from wall.scene.model import Instance, Material, Mesh, Source, Texture, TextureSet
+from wall.scene.model_files import load_models
 from wall.scene.series import Series
 
 BUILT_IN = {
@@ -32,9 +33,6 @@ BUILT_IN = {
 }
 
 
-MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-
-
 def is_built_in(what: str | Path) -> bool:
     """Whether a built-in scene is meant; a file comes before one of the same name."""
     return str(what) in BUILT_IN and not Path(what).is_file()
@@ -46,17 +44,22 @@ def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
     return () if source is None else source if isinstance(source, tuple) else (source,)
 
 
-def make_source(name: str, base_folder: Path, up: Up = "auto", *, textures_given: bool = False) -> Source:
-    """A built-in scene by its name, or a model file; `up`, `textures_given`: see loading.load. Raises SceneError."""
-    if name in BUILT_IN:
-        said = () if up == "auto" else (f"{name}: a built-in scene has y up; scene.up or --up changes nothing here",)
-        return replace(BUILT_IN[name](), notes=said)
-    if not Path(name).suffix:
-        near = nearest(name, BUILT_IN) or ";"
-        raise SceneError(f"{name}: no built-in scene, and no model file{near} built in are {', '.join(BUILT_IN)}")
-    from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
+def make_sources(
+    names: Sequence[str], base_folder: Path, up: Up = "auto", *, textures_given: bool = False
+) -> list[Source]:
+    """Built-in scenes by their names, and model files; `up`, `textures_given`: see loading.load. Raises SceneError."""
+    for name in names:
+        if name not in BUILT_IN and not Path(name).suffix:
+            near = nearest(name, BUILT_IN) or ";"
+            raise SceneError(f"{name}: no built-in scene, and no model file{near} built in are {', '.join(BUILT_IN)}")
+    files = [base_folder / name for name in names if name not in BUILT_IN]
+    models = iter(load_models(files, up, textures_given=textures_given))
+    return [_built_in(name, up) if name in BUILT_IN else next(models) for name in names]
 
-    return load(base_folder / name, up, textures_given=textures_given)
+
+def _built_in(name: str, up: Up) -> Source:
+    said = () if up == "auto" else (f"{name}: a built-in scene has y up; scene.up or --up changes nothing here",)
+    return replace(BUILT_IN[name](), notes=said)
 
 
 def joined(sources: Sequence[Source]) -> Source:

@@ -8,14 +8,14 @@ from wall.config.loading import Loaded
 from wall.core.errors import ConfigError, SceneError
 from wall.scene.lights import default_lights
 from wall.scene.model import AreaLight, DirectionalLight, Light, PointLight, Source
-from wall.scene.sources import joined, make_source, sources_of
+from wall.scene.sources import joined, make_sources, sources_of
 
 
 def source_of(loaded: Loaded) -> Source:
     """Everything that `scene.source` names, in one world. Raises ConfigError."""
     scene = loaded.config.scene
     try:
-        return joined([make_source(name, loaded.folder, scene.up) for name in sources_of(scene)])
+        return joined(make_sources(sources_of(scene), loaded.folder, scene.up))
     except SceneError as error:
         raise loaded.error(("scene", "source"), str(error)) from error
 

@@ -12,7 +12,7 @@ from small_scenes import quad, scene_of
 from wall.deepbuffer.kernels.doubt import FRESH, KEPT, LEAST, doubt
 from wall.deepbuffer.shading import ShadingChanges
 from wall.deepbuffer.store import SampleStore
-from wall.geometry.cameras import Lens
+from wall.geometry.lens import Lens
 from wall.scene.build import Scene
 from wall.scene.model import AmbientOcclusion, DirectionalLight, Material, Shading
 

@@ -13,7 +13,8 @@ from running import write_config
 from wall.config.loading import load, loads
 from wall.core.data import Camera
 from wall.core.errors import EditError
-from wall.geometry.cameras import Lens, PanelView
+from wall.geometry.cameras import PanelView
+from wall.geometry.lens import Lens
 from wall.packets.control import Selection, WindowInput
 from wall.roles.clicks import Clicks
 from wall.roles.editing import Editor

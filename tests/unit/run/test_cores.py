@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from wall.run.cores import groups_of, quota_of, share_of_cores
+from wall.core.system import groups_of
+from wall.run.cores import quota_of, share_of_cores
 from wall.run.tracers import threads_of
 
 

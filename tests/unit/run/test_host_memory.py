@@ -12,10 +12,11 @@ import pytest
 from wall.commands.memory import memory_lines
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
+from wall.core.system import available_bytes
 from wall.roles.memory import memory_on_host
 from wall.roles.plan import Plan, make_layout, make_plan, on_one_machine
 from wall.run import host_memory, launch
-from wall.run.host_memory import SURELY, available_bytes, check_memory, ranks_here
+from wall.run.host_memory import SURELY, check_memory, ranks_here
 from wall.run.usage import Usage
 
 KB, GB = 1024, 10**9

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from small_scenes import instance, keyframes, material, quad, scene_of, with_every_feature
 
-from wall.geometry.cameras import Lens
+from wall.geometry.lens import Lens
 from wall.scene.animation import Moving
 from wall.scene.build import Scene, assemble
 from wall.scene.features import added_one_by_one, features

@@ -16,7 +16,7 @@ from small_scenes import quad, scene_of
 from wall.config.scene import ParameterConfig
 from wall.core.data import Edits
 from wall.core.errors import EditError, SceneError
-from wall.geometry.cameras import Lens
+from wall.geometry.lens import Lens
 from wall.scene.build import Scene
 from wall.scene.model import AmbientOcclusion, DirectionalLight, Material, PointLight
 from wall.scene.parameter_tracks import tracks_of

@@ -13,7 +13,7 @@ from small_scenes import BLACK_SKY, instance, quad, scene_of, view, with_every_f
 from wall.config.loading import load
 from wall.core.data import Edits, Float64, Samples
 from wall.core.errors import ConfigError
-from wall.geometry.cameras import Lens
+from wall.geometry.lens import Lens
 from wall.roles.plan import make_layout, make_plan
 from wall.scene.model import Material
 from wall.tracing.tracer import Tracer

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from wall.core.errors import ConfigError, RunError
-from wall.run.cores import groups_of_this_process
+from wall.core.system import groups_of_this_process
 from wall.study.live.start import NO_GROUP
 
 PERIOD_US = 10_000  # of a quota: the kernel's usual 100 ms would stop a wall of 0.25 cores for 75 ms at a time

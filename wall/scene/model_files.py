@@ -1,0 +1,147 @@
+"""Models from files, read by a process of their own: parsers are others' code, so time and memory have limits.
+
+`python -m wall.scene.model_files DESCRIPTOR` is that process. It imports what reads models, which others then do
+without, and ends when all are read.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from wall.core.errors import SceneError
+from wall.core.system import available_bytes, end_with_parent
+
+if TYPE_CHECKING:
+    from wall.config.scene import Up
+    from wall.scene.model import Source
+
+MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+LEAST_S, S_PER_MB = 60.0, 2.0  # of processor time: ten times what a mesh of 328,000 triangles takes in these formats
+LONGEST = 20.0  # times that, until a process that gets no core is given up
+LEAST_BYTES = 1 << 28  # of memory, however little is left
+SHORTER = "wanted: fewer triangles, or fewer and smaller textures"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """A model that is to be read, and how much that may take."""
+
+    path: Path
+    seconds: float  # of processor time
+    memory: int | None  # bytes; None: what is left is not told
+    up: Up
+    textures_given: bool
+
+
+def load_models(paths: Sequence[Path], up: Up = "auto", *, textures_given: bool = False) -> list[Source]:
+    """Read model files, see loading.load. Raises SceneError, also for one that takes too long or too much memory."""
+    memory = available_bytes()
+    return read([
+        Request(
+            path=path, seconds=seconds_for(path), up=up, textures_given=textures_given,
+            memory=None if memory is None else max(LEAST_BYTES, memory),
+        )
+        for path in paths
+    ])  # fmt: skip
+
+
+def seconds_for(path: Path) -> float:
+    """The processor time that reading a model may take; of a .gltf, its buffers stand beside it."""
+    files = path.parent.iterdir() if path.suffix.lower() == ".gltf" and path.parent.is_dir() else [path]
+    return LEAST_S + S_PER_MB * sum(file.stat().st_size for file in files if file.is_file()) / 1e6
+
+
+def read(requests: Sequence[Request]) -> list[Source]:
+    """Read them one after the other in one process. Raises SceneError."""
+    if not requests:
+        return []
+    reader, writer = os.pipe()
+    with open(reader, "rb") as sources:
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-m", __name__ if __name__ != "__main__" else "wall.scene.model_files", str(writer)],
+                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, pass_fds=(writer,),
+                process_group=0,  # Ctrl-C is for those who end it
+            )  # fmt: skip
+        except OSError as error:
+            raise SceneError(f"{requests[0].path}: what reads models cannot be started: {error}") from error
+        finally:
+            os.close(writer)
+        limit = threading.Timer(LONGEST * sum(request.seconds for request in requests), process.kill)
+        limit.daemon = True
+        limit.start()
+        try:
+            return _received(process, requests, sources)
+        finally:
+            limit.cancel()
+            process.kill()
+            process.wait()
+
+
+def _received(process: subprocess.Popen[bytes], requests: Sequence[Request], sources: BinaryIO) -> list[Source]:
+    found: list[Source] = []
+    assert process.stdin is not None
+    try:
+        with process.stdin:
+            pickle.dump(requests, process.stdin)
+        for _ in requests:
+            source = pickle.load(sources)
+            if isinstance(source, str):
+                raise SceneError(source)
+            found.append(source)
+    except (OSError, EOFError, pickle.UnpicklingError) as error:
+        raise SceneError(_why(process, requests[len(found)])) from error
+    return found
+
+
+def _why(process: subprocess.Popen[bytes], request: Request) -> str:
+    """What ended the process while it read a model."""
+    code = process.wait()
+    if code == -signal.SIGXCPU:
+        return f"{request.path}: reading it takes more than {request.seconds:.0f} s of processor time; {SHORTER}"
+    how = f"signal {-code}, {signal.strsignal(-code)}" if code < 0 else f"exit code {code}"
+    return f"{request.path}: cannot be read; what reads models ended with {how}"
+
+
+def main(descriptor: int) -> None:
+    """Be the process that reads."""
+    end_with_parent(signal.SIGKILL)
+    from wall.scene.loading import load
+
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    requests: list[Request] = pickle.load(sys.stdin.buffer)
+    with open(descriptor, "wb") as sources:
+        for request in requests:
+            _limit(resource.RLIMIT_CPU, round(time.process_time() + request.seconds))
+            if request.memory is not None:
+                pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+                _limit(resource.RLIMIT_AS, pages * resource.getpagesize() + request.memory)
+            try:
+                source: Source | str = load(request.path, request.up, textures_given=request.textures_given)
+            except SceneError as error:
+                source = str(error)
+            except MemoryError:
+                left = f"{(request.memory or 0) / 1e9:.2f} GB"
+                source = f"{request.path}: reading it takes more than the {left} of memory that are left; {SHORTER}"
+            pickle.dump(source, sources, protocol=5)
+            sources.flush()
+
+
+def _limit(what: int, most: int) -> None:
+    hard = resource.getrlimit(what)[1]
+    resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
