@@ -38,7 +38,7 @@ def hosts(tmp_path: Path) -> Iterator[Hosts]:
     made.close()
 
 
-def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_path: Path, hosts: Hosts) -> None:
+def test_a_wall_of_three_hosts_outlives_a_cut_bad_links_and_a_dead_rank(tmp_path: Path, hosts: Hosts) -> None:
     config, out = write_config(tmp_path, columns=2, lost_after_s=0.5), tmp_path / "out"
     text = config.read_text().replace("transport:\n  {", "transport:\n  {bind: 0.0.0.0, ports: 9000-9100, ")
     config.write_text(text.replace("[png]", "[browser, png]"))
@@ -74,6 +74,15 @@ def test_a_wall_of_three_hosts_outlives_a_cut_a_slow_link_and_a_dead_rank(tmp_pa
             comes(lambda: np.array_equal(of_left(shown(address)), of_left(home)), "the other panel as before")
             comes(lambda: np.array_equal(shown(address), home), "all of it as before")
             hosts.speed_up("h3")
+
+            hosts.degrade("h3", loss=0.02, delay_s=0.02)
+            wall.set({"sky.zenith": [0.1, 0.1, 0.9]})
+            blue = until(address, home)
+            comes(lambda: not np.array_equal(shown(address)[:, -64:], home[:, -64:]), "samples over a lossy link")
+            wall.undo()
+            assert not np.array_equal(of_left(blue), of_left(home))
+            comes(lambda: np.array_equal(shown(address), home), "all of it as before, whatever was lost")
+            hosts.repair("h3")
 
         os.kill(hosts.ranks()[1], signal.SIGKILL)
         comes(lambda: alive() == [True, False, True], "a death")

@@ -35,11 +35,12 @@ from wall.study.speed import record
 FILE = "faults.jsonl"
 OWN = Path(__file__).parents[3] / "configs" / "two_compositors.yaml"
 KILLED, FROZEN, SLOWED, FULL, REPLACED = "killed", "frozen", "slowed", "full disk", "replaced"
-CUT, SLOW_LINK = "cut", "slow link"  # of a host
+CUT, SLOW_LINK, LOSSY_LINK = "cut", "slow link", "lossy link"  # of a host
 SETTLE_S = 3.0  # that a wall runs before it is looked at
 FROZEN_S = 1.5  # that a process stands still
 CUT_S = 8.0  # that a host is cut off: longer than a rank may be silent, and than ZeroMQ keeps a connection
 SLOW_BITS_S = 1_000_000
+LOSS, DELAY_S = 0.02, 0.02  # of packets on a lossy link, each way
 PORTS = "9000-9100"
 MOST_MARKED_MS = {KILLED: 100.0, FROZEN: 400.0, CUT: 400.0}  # what is wanted, as all of the following
 MOST_LOST, LOST_S = 10.0, 1.0  # percent of the others' samples that may be lost after so long
@@ -97,8 +98,8 @@ def faults_of(layout: Layout, hosts: int = 0) -> list[Fault]:
     heads = [Fault(kind=kind, role="head", rank=HEAD) for kind in (KILLED, REPLACED)]
     if not hosts:
         return [*kinds, *heads, Fault(kind=FULL, role="", rank=None)]
-    network = [Fault(kind=kind, role="host", rank=layout.size - 1) for kind in (CUT, SLOW_LINK)]
-    return [*kinds, *network[: 2 * (hosts > 1)], *heads]
+    network = [Fault(kind=kind, role="host", rank=layout.size - 1) for kind in (CUT, SLOW_LINK, LOSSY_LINK)]
+    return [*kinds, *(network if hosts > 1 else []), *heads]
 
 
 def measure(config: Path, *, seconds: float, hosts: int = 0, out: Path, say: Say) -> list[Row]:
@@ -234,17 +235,21 @@ def _do(fault: Fault, wall: FaultyWall, *, seconds: float, results: Path) -> flo
         with Slowed(wall.process_of(fault.rank)):
             time.sleep(seconds)
         return time.monotonic()
-    elif fault.kind in (CUT, SLOW_LINK):
+    elif fault.kind in (CUT, SLOW_LINK, LOSSY_LINK):
         assert wall.hosts is not None
         host = wall.hosts.of(fault.rank)
         if fault.kind == CUT:
             wall.hosts.cut(host)
             time.sleep(CUT_S)
             wall.hosts.join(host)
-        else:
+        elif fault.kind == SLOW_LINK:
             wall.hosts.slow(host, SLOW_BITS_S)
             time.sleep(seconds)
             wall.hosts.speed_up(host)
+        else:
+            wall.hosts.degrade(host, loss=LOSS, delay_s=DELAY_S)
+            time.sleep(seconds)
+            wall.hosts.repair(host)
         return time.monotonic()
     return began
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import shlex
 import shutil
 import socket
@@ -40,6 +41,7 @@ class Hosts:
         self._folder, self._held = folder, list[subprocess.Popen[str]]()
         self._holders = set[int]()
         self._relays: list[subprocess.Popen[bytes]] = []
+        self._links = dict[str, subprocess.Popen[bytes]]()  # by host
         try:
             self._make()
         except BaseException:
@@ -141,6 +143,33 @@ class Hosts:
         """Let it send as fast as it can again."""
         self.run(host, "tc qdisc del dev eth0 root")
 
+    def degrade(self, host: str, *, loss: float, delay_s: float) -> None:
+        """Let that share of the packets from and to a host be lost, and the others come so many seconds later."""
+        near, far = f"{host}-near", f"{host}-far"
+        program = [sys.executable, "-m", "wall.study.faults.lossy_link", near, far, f"{loss:g}", f"{delay_s:g}"]
+        link = subprocess.Popen(
+            [*self._entered(self._switch, "-U", "-n"), *program], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+        )
+        self._links[host] = link
+        assert link.stdout is not None
+        if not select.select([link.stdout], [], [], BEGINS_S)[0] or not link.stdout.readline():
+            raise RunError(f"hosts of namespaces: {host}: its link cannot lose packets; wanted: /dev/net/tun")
+        self._in_switch(
+            f"ip link add {host}-wall type bridge && ip link set {host}-wall up && "
+            f"ip link set {near} master {host}-wall up && ip link set {far} master wall up && "
+            f"ip link set {host} master {host}-wall"
+        )
+
+    def repair(self, host: str) -> None:
+        """Let all packets through again."""
+        self._in_switch(f"ip link set {host} master wall && ip link del {host}-wall")
+        self._end_link(self._links.pop(host))
+
+    @staticmethod
+    def _end_link(link: subprocess.Popen[bytes]) -> None:
+        link.kill()
+        link.communicate()
+
     def processes(self, host: str) -> list[int]:
         """All that run on a host for others than this."""
         network, found = os.readlink(f"/proc/{self._processes[host]}/ns/net"), list[int]()
@@ -187,6 +216,8 @@ class Hosts:
         for relay in self._relays:
             relay.kill()
             relay.wait()
+        for link in self._links.values():
+            self._end_link(link)
         for process in reversed(self._held):
             process.kill()
             process.communicate()
