@@ -236,11 +236,16 @@ def test_a_double_click_selects_an_object_and_x_hides_it(page, source):
     assert page.locator(".parameter").count() == 1, "the panel is open"
     source.offered = (
         offer("objects.urn.offset", "position", 0.0, 0.0, 0.0, low=-5e4, high=5e4),
+        offer("objects.urn.scale", "number", 1.0, low=1e-3, high=1e4),
         offer("objects.urn.visible", "whole", 1.0),
     )
     eventually(page, lambda: page.locator("h3").all_inner_texts() == ["Object urn"], "its parameters")
     reach = page.locator("[aria-label='objects.urn.offset, x']").evaluate("e => [Number(e.min), Number(e.max)]")
     assert reach == [-5.0, 5.0], "as far as the scene is large"
+    assert page.locator(".axis").all_inner_texts() == ["x", "y", "z"]
+    page.locator("[aria-label='objects.urn.scale']").fill("1")
+    eventually(page, lambda: sets(source) == [{"kind": "set", "name": "objects.urn.scale", "numbers": [2]}], "a stop")
+    source.received.clear()
     page.focus("#wall")
     page.keyboard.press("x")
     eventually(page, lambda: sets(source) == [{"kind": "set", "name": "objects.urn.visible", "numbers": [0]}], "hidden")

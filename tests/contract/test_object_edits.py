@@ -75,6 +75,8 @@ def test_what_moved_leaves_no_ghost_and_no_shadow(tracer_scene: TracerScene, com
     offset, rotation = (0.5, 0.2, 0.0), (30.0, -50.0, 120.0)
     for values in (
         {f"objects.{NAME}.offset": offset, f"objects.{NAME}.rotation": rotation},
+        {f"objects.{NAME}.offset": offset, f"objects.{NAME}.scale": (0.6,)},
+        {f"objects.{NAME}.scale": (1.7,)},
         {f"objects.{NAME}.visible": (0.0,)},
     ):
         began = SingleProcess(plan, tracer_scene)
@@ -87,10 +89,10 @@ def test_objects_of_a_name_are_one_parameter_and_pages_are_spared_them() -> None
     plan = plan_of("framed")
     names = {instance.name for instance in plan.scene.instances}
     found = [name for name in editable(plan) if name.startswith("objects.")]
-    assert len(found) == 3 * len(names)
+    assert len(found) == 4 * len(names)
     assert not any(name.startswith("objects.") for name in shown_parameters(plan))
-    own = [f"objects.{NAME}.{what}" for what in ("offset", "rotation", "visible")]
-    assert list(shown_parameters(plan, [NAME, NAME, ""]))[:3] == own
+    own = [f"objects.{NAME}.{what}" for what in ("offset", "rotation", "scale", "visible")]
+    assert list(shown_parameters(plan, [NAME, NAME, ""]))[:4] == own
     editor = Editor(plan)
     editor.set([(f"objects.{NAME}.visible", 0)])
     editor.undo()

@@ -29,7 +29,7 @@ from wall.roles.clicks import Clicks
 from wall.roles.node_settings import all_parameters, one_gesture
 from wall.roles.plan import Plan
 from wall.roles.tone import tone_at
-from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
+from wall.scene.object_edits import EDITS, OBJECTS
 from wall.scene.parameters import EXPOSURE, FOCUS, OF_THE_PICTURE, TONE_MAPPING, Numbers, Parameter, named
 
 Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
@@ -234,7 +234,7 @@ def editable(plan: Plan) -> dict[str, Parameter]:
 def shown_parameters(plan: Plan, selected: Sequence[str] = ()) -> dict[str, Parameter]:
     """Those that pages show: of objects, of which there may be thousands, the `selected` ones' alone, and first."""
     found = editable(plan)
-    own = (f"{OBJECTS}{name}.{what}" for name in dict.fromkeys(selected) for what in (OFFSET, ROTATION, VISIBLE))
+    own = (f"{OBJECTS}{name}.{what}" for name in dict.fromkeys(selected) for what in EDITS)
     others = {name: parameter for name, parameter in found.items() if not name.startswith(OBJECTS)}
     return {name: found[name] for name in own if name in found} | others
 

@@ -1,4 +1,4 @@
-"""Objects that edits moved, turned or hid: `objects.NAME.offset`, `.rotation`, `.visible`. All of a name are one.
+"""Objects that edits moved, turned, scaled or hid: `objects.NAME.offset`, `.rotation`, ... All of a name are one.
 
 What lies below an object in its file goes along with it.
 """
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from wall.core.data import Float64
 from wall.scene.model import Instance, Mesh
 
-OBJECTS, OFFSET, ROTATION, VISIBLE = "objects.", "offset", "rotation", "visible"
+OBJECTS, OFFSET, ROTATION, SCALE, VISIBLE = "objects.", "offset", "rotation", "scale", "visible"
+EDITS = (OFFSET, ROTATION, SCALE, VISIBLE)  # in the order in which pages show them
 
 
 class EditedObjects:
@@ -24,7 +25,7 @@ class EditedObjects:
         self._rows: dict[str, list[int]] = {}  # of the instances, by name; filled with the first edit
         self._below: dict[str, list[int]] = {}  # the same, and those below them
         self._depths: dict[str, int] = {}  # by name: how many are above
-        self._middles: dict[str, Float64] = {}  # by name, of those that were turned: (n, 4), in each one's own frame
+        self._middles: dict[str, Float64] = {}  # by name, where needed: (n, 4), in each one's own frame
 
     def apply(
         self,
@@ -33,7 +34,7 @@ class EditedObjects:
         instances: Sequence[Instance],
         meshes: Sequence[Mesh],
     ) -> None:
-        """Move and turn instances, and give hidden ones no extent: matrices of zeros, which rays and samples pass.
+        """Move, turn and scale instances, and give hidden ones no extent: zeros, which rays and samples pass.
 
         poses : (at least as many as instances, 4, 4), world from object, changed; edits : Shading.objects
         """
@@ -43,9 +44,9 @@ class EditedObjects:
             own, moved = self._rows.get(name, []), self._below.get(name, [])
             if what == OFFSET:
                 poses[moved, :3, 3] += value
-            elif what == ROTATION:
+            elif what in (ROTATION, SCALE):
                 middle = self._middle(name, poses[own], [meshes[instances[row].mesh] for row in own])
-                turn = rotation_of(value)
+                turn = rotation_of(value) if what == ROTATION else value[0] * np.eye(3)
                 poses[moved, :3, :3] = turn @ poses[moved, :3, :3]
                 poses[moved, :3, 3] = (poses[moved, :3, 3] - middle) @ turn.T + middle
             elif value[0] == 0.0:

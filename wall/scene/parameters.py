@@ -22,7 +22,7 @@ from wall.core.tone_mapping import AS_IT_IS, TONE_MAPPINGS, Tone
 from wall.scene.build import Scene
 from wall.scene.model import Environment, Material
 from wall.scene.needs import Needs, needs
-from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
+from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, SCALE, VISIBLE
 from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
 
 Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position", "angles", "choice"]
@@ -37,6 +37,7 @@ NAMES_SHOWN = 8
 NEAREST = 1e-6  # world units
 SCENES_AWAY = 1e4  # radii of the scene, or world units, that an object may be moved; page/parameters.js has the same
 SHORTEST = 1e-9  # length of a direction
+SMALLEST_SCALE, LARGEST_SCALE = 1e-3, 1e4  # of an object
 SWITCHES = {"true": 1, "false": 0}  # words of YAML, JSON and Python
 SRGB = re.compile("#[0-9a-fA-F]{6}")
 
@@ -195,7 +196,7 @@ def _environment(environment: Environment) -> Iterator[Parameter]:
 
 
 def _objects(scene: Scene) -> Iterator[Parameter]:
-    """All objects of a name are one. Emitters on paths cannot be hidden: they are sampled as light, and would shine."""
+    """All objects of a name are one. Emitters on paths keep their size: they are sampled as light by their areas."""
     shine = {k for k, material in enumerate(scene.materials) if scene.path_depth and max(material.emission) > 0.0}
     found = [instance for instance in scene.instances if scene.meshes[instance.mesh].material in shine]
     lamps = {name for instance in found for name in (instance.name, *instance.parents)}
@@ -208,6 +209,9 @@ def _objects(scene: Scene) -> Iterator[Parameter]:
             name=f"{path}.{ROTATION}", kind="angles", low=-360.0, high=360.0, unit="degrees", default=(0.0, 0.0, 0.0)
         )
         if name not in lamps:
+            yield Parameter(
+                name=f"{path}.{SCALE}", kind="number", low=SMALLEST_SCALE, high=LARGEST_SCALE, default=(1.0,)
+            )
             yield Parameter(name=f"{path}.{VISIBLE}", kind="whole", low=0, high=1, default=(1.0,))
 
 

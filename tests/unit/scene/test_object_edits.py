@@ -1,4 +1,4 @@
-"""Objects that are moved, turned and hidden: their poses, about middles that stay where they are."""
+"""Objects that are moved, turned, scaled and hidden: their poses, about middles that stay where they are."""
 
 from __future__ import annotations
 
@@ -54,6 +54,15 @@ def test_what_is_turned_keeps_its_shape_and_its_middle(scene, time):
     assert np.linalg.norm(after[::7] - after[3], axis=1) == pytest.approx(apart, abs=1e-9)
     assert middle(scene, time, **turn) == pytest.approx(middle(scene, time), abs=1e-9)
     assert np.abs(before - after).max() > 0.05
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.5, 3.0])
+def test_what_is_scaled_keeps_its_form_and_its_middle(scene, factor):
+    edits = {"scale": (factor,), "rotation": (20.0, 30.0, 40.0), "offset": (0.1, 0.2, 0.3)}
+    before, after = points(scene), points(scene, **edits)
+    apart = np.linalg.norm(before[::7] - before[3], axis=1)
+    assert np.linalg.norm(after[::7] - after[3], axis=1) == pytest.approx(factor * apart, abs=1e-9)
+    assert middle(scene, **edits) == pytest.approx(middle(scene) + np.array([0.1, 0.2, 0.3]), abs=1e-9)
 
 
 def test_four_quarters_are_no_turn_and_offsets_add(scene):

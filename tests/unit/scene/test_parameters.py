@@ -44,7 +44,7 @@ def test_only_what_the_scene_has_is_offered() -> None:
         "exposure", "tone_mapping", "lights.0.direction", "lights.0.irradiance", "lights.1.position",
         "lights.1.intensity",
         "sky.strength", "sky.zenith", "sky.horizon", "sky.ground", "materials.grey.color",
-        "objects.object0.offset", "objects.object0.rotation", "objects.object0.visible",
+        "objects.object0.offset", "objects.object0.rotation", "objects.object0.scale", "objects.object0.visible",
     }  # fmt: skip
 
 
@@ -57,15 +57,15 @@ def test_paths_offer_depth_and_what_interfaces_read_and_equal_names_are_told_apa
 
 
 def test_views_offer_what_any_has_but_hide_only_what_all_can() -> None:
-    """A surface that shines is a light on paths, and cannot be hidden there."""
+    """A surface that shines is a light on paths, and can neither be hidden nor scaled there."""
     lamp = Material(name="grey", emission=(1.0, 1.0, 1.0))
     direct, paths = (scene(depth=depth, materials=(lamp,)) for depth in (None, 4))
     shape = replace(direct, path_depth=1, occlusion=AmbientOcclusion(distance=3.0))
     assert "objects.object0.visible" in parameters_of_views([direct, direct])
     found = parameters_of_views([direct, shape, paths])
     assert set(found) == {*parameters_of(direct), *parameters_of(shape), *parameters_of(paths)} - {
-        "objects.object0.visible"
-    }
+        "objects.object0.visible", "objects.object0.scale",
+    }  # fmt: skip
     assert found["integrator.depth"].default == (4.0,)
     assert found["integrator.distance"].default == (3.0,)
 

@@ -146,7 +146,7 @@ class Row {
     this.#set = set;
     this.#controls = controlsOf(parameter, () => this.#value, change);
     const inputs = document.createElement("div");
-    inputs.append(...this.#controls.map((c) => c.input));
+    inputs.append(...this.#controls.map((c) => c.axis ?? c.input));
     this.element.append(name, inputs, this.#shown, this.#reset);
     this.take(parameter.value);
   }
@@ -223,9 +223,9 @@ function controlsOf(parameter, value, change) {
     ];
   }
   if (kind === "position" || kind === "angles") {
-    return AXES.map((axis, k) => slider(`${name}, ${axis}`, reachOf(parameter, k), {
+    return AXES.map((axis, k) => lettered(axis, slider(`${name}, ${axis}`, reachOf(parameter, k), {
       of: (v) => v[k], to: (x) => change(value().map((old, n) => (n === k ? x : old))),
-    }));
+    })));
   }
   if (kind === "choice") return [choice(name, parameter.choices, { of: (v) => v[0], to: (x) => change([x]) })];
   const one = { of: (v) => v[0], to: (x) => change([kind === "whole" ? Math.round(x) : x]) };
@@ -255,6 +255,14 @@ function direction(azimuth, up) {
 function scaled(rgb, most, other) {
   const shape = Math.max(...rgb) > 0 ? rgb : Math.max(...other) > 0 ? other : [1, 1, 1];
   return hue(shape).map((x) => x * most);
+}
+
+// A slider with the letter of its axis before it, in the colour of its handle.
+function lettered(letter, control) {
+  const axis = Object.assign(document.createElement("label"), { className: "axis", textContent: letter });
+  axis.dataset.axis = letter;
+  axis.append(control.input);
+  return { ...control, axis };
 }
 
 function slider(name, [low, high, step], { of, to }) {
