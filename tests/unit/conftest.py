@@ -1,0 +1,22 @@
+"""What unit tests share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from wall.scene import loading, sources
+
+
+@pytest.fixture(autouse=True, scope="session")
+def models_are_read_here() -> Iterator[None]:
+    """Not by a process of their own, which takes a second of each test; test_model_files.py is about that."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            sources, "load_models",
+            lambda paths, up="auto", *, textures_given=False: [
+                loading.load(path, up, textures_given=textures_given) for path in paths
+            ],
+        )  # fmt: skip
+        yield
