@@ -115,6 +115,24 @@ def test_ctrl_c_ends_a_run_in_order(tmp_path: Path, running: Callable[..., subpr
     assert (last["level"], last["message"]) == ("info", "ended: interrupted")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_ranks_are_being_forked_ends_the_run(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]], number: signal.Signals
+) -> None:
+    """Nothing is rendered yet, so nothing is kept; what is forked after the signal ends, too."""
+    run = running("run", write_config(tmp_path, columns=12), "--headless", "--out", tmp_path / "out")
+    limit = time.monotonic() + START_LIMIT_S
+    while len(session_of(run.pid)) < 3:  # the head, and the first ranks of twelve
+        assert time.monotonic() < limit
+        time.sleep(0.001)
+
+    os.kill(run.pid, number)
+    until_gone(run)
+
+    assert run.wait(1) != 0
+    assert "Traceback" not in run.stdout.read()
+
+
 def test_run_of_some_seconds_ends_by_itself(tmp_path: Path) -> None:
     config = write_config(tmp_path, path=ORBIT)
 

@@ -19,6 +19,7 @@ from wall.core.colour import srgb_decoded, srgb_encoded
 from wall.core.data import Channels, Float32, Framelet, Rect
 from wall.core.errors import ConfigError
 from wall.core.fields import Text
+from wall.core.files import open_file
 from wall.operators.base import Input, Operator
 from wall.operators.regions import bands, copy, pixels_of
 
@@ -58,14 +59,15 @@ class BlendMask(Operator):
 def read_mask(path: Path) -> Float32:
     """(h, w, 3 or 1) float32, 0..1: the values of a PNG as they stand. Raises ConfigError."""
     try:
-        return mask_values(path)
+        with open_file(path) as file:
+            return mask_values(file)
     except FileNotFoundError:
         raise ConfigError(f"{path}: there is no such file") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise ConfigError(f"{path}: cannot be read as a PNG, {error}") from error
 
 
-def mask_values(file: Path | BinaryIO) -> Float32:
+def mask_values(file: BinaryIO) -> Float32:
     """As read_mask. Raises what Pillow raises: OSError, ValueError, SyntaxError, DecompressionBombError."""
     with Image.open(file, formats=["PNG"]) as image:
         if image.mode.startswith("I"):  # 16 bits, grey

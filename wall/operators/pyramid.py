@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wall.core.errors import ConfigError
+from wall.core.files import open_file
 
 Codes: TypeAlias = NDArray[np.uint8]  # (h, w, 4) sRGB and alpha
 TileKey: TypeAlias = tuple[int, int, int]  # level, column, row
@@ -95,7 +96,11 @@ def size_of(path: Path) -> tuple[int, int]:
         shape, _ = read_descriptor(path)
         return shape.width, shape.height
     try:
-        with unlimited(MOST_EDGE * MOST_EDGE), Image.open(path, formats=WHOLE_FORMATS) as image:
+        with (
+            open_file(path) as file,
+            unlimited(MOST_EDGE * MOST_EDGE),
+            Image.open(file, formats=WHOLE_FORMATS) as image,
+        ):
             return image.size
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise ConfigError(f"{path}: cannot be read as an image: {error}") from error
@@ -118,7 +123,7 @@ def _of_tiles(path: Path) -> Pyramid:
 def read_descriptor(path: Path) -> tuple[Shape, str]:
     """The shape that a .dzi names, and the suffix of its tiles. Raises ConfigError."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             text = file.read(MOST_XML)
         if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
             raise ValueError("it declares entities")
@@ -143,7 +148,7 @@ def read_descriptor(path: Path) -> tuple[Shape, str]:
 def _codes_of(path: Path) -> Codes:
     """(h, w, 4) uint8 of an image file of any size that a tile may have. Raises ConfigError."""
     try:
-        with Image.open(path, formats=["PNG", "JPEG"]) as image:
+        with open_file(path) as file, Image.open(file, formats=["PNG", "JPEG"]) as image:
             if max(image.size) > 3 * MOST_TILE:
                 raise ValueError(f"{image.size[0]} x {image.size[1]} pixels")
             return np.asarray(image.convert("RGBA"))
@@ -176,14 +181,14 @@ def _whole(path: Path) -> Pyramid:
 def opened(path: Path, *, most_pixels: int = MOST_WHOLE) -> Image.Image:
     """A PNG, JPEG or TIFF as RGB, or RGBA where it has alpha, 8 bits each. Raises ConfigError."""
     try:
-        with unlimited(most_pixels), Image.open(path, formats=WHOLE_FORMATS) as file:
-            if file.width * file.height > most_pixels:
-                raise ValueError(f"{file.width} x {file.height} pixels, at most {most_pixels:,}")
-            if file.mode.startswith("I;16"):
-                return Image.fromarray((np.asarray(file).astype(np.uint16) >> 8).astype(np.uint8)).convert("RGB")
-            if file.mode in ("I", "F"):
+        with open_file(path) as file, unlimited(most_pixels), Image.open(file, formats=WHOLE_FORMATS) as image:
+            if image.width * image.height > most_pixels:
+                raise ValueError(f"{image.width} x {image.height} pixels, at most {most_pixels:,}")
+            if image.mode.startswith("I;16"):
+                return Image.fromarray((np.asarray(image).astype(np.uint16) >> 8).astype(np.uint8)).convert("RGB")
+            if image.mode in ("I", "F"):
                 raise ValueError("pixels of 32 bits; wanted 8 or 16 bits a channel")
-            return file.convert("RGBA" if has_alpha(file) else "RGB")
+            return image.convert("RGBA" if has_alpha(image) else "RGB")
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, MemoryError) as error:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -18,7 +17,7 @@ from multiprocessing.process import BaseProcess
 
 from wall.core.errors import RunError
 from wall.run.children import Children, Main, PipeEnd, belong_to, how_ended, run_child, start_process
-from wall.run.endings import REASONS
+from wall.run.endings import leave_to_head
 from wall.transport.curve import Keys
 
 START_WAIT_S = 30.0  # for the address of rank 0, which has little to do before it tells it
@@ -44,7 +43,8 @@ class LocalBootstrap:
     ) -> LocalBootstrap:
         """Fork ranks 1..size-1, each running `main`, and be rank 0. `again`: have a nursery. `encrypted`: have keys.
 
-        Forked processes inherit their keys. A rank that is started again has those of the one before.
+        Forked processes inherit their keys. A rank that is started again has those of the one before. What would end
+        this process is to be held_back, or processes are forked without it that nobody ends.
         """
         keys: list[Keys] | list[None] = Keys.of_all(size) if encrypted else [None] * size
         for stream in filter(None, (sys.stdout, sys.stderr)):  # None: closed when this process was started
@@ -54,7 +54,6 @@ class LocalBootstrap:
         to_nursery, at_nursery = context.Pipe()
         children: list[BaseProcess] = []
         siblings: set[PipeEnd] = set()  # by what this process knows of its children
-        before = {number: signal.signal(number, signal.SIG_IGN) for number in REASONS}  # as ranks do, from their start
         for rank in range(1, size):
             own = pipes[rank - 1][0]
             others = [end for pipe in pipes for end in pipe if end is not own] + [to_nursery, at_nursery]
@@ -70,8 +69,6 @@ class LocalBootstrap:
             others = [end for pipe in pipes for end in pipe] + [to_nursery]
             args = (size, at_nursery, others, main, os.getpid(), keys, siblings)
             nursery = Nursery(context.Process(target=_nurse, args=args, name="wall nursery"), to_nursery)
-        for number, handler in before.items():
-            signal.signal(number, handler)
         for reader, _ in pipes:
             reader.close()
         at_nursery.close()
@@ -178,6 +175,7 @@ def _nurse(
     siblings: set[PipeEnd],
 ) -> None:
     """The nursery: forks the ranks that it is told to, tells of those that end badly, ends when nobody can tell it."""
+    leave_to_head()
     belong_to(parent, others, siblings)
     children = Children(as_rank(size, main), keys)
     while True:

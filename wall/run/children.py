@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 
 from wall.core.errors import WallError
 from wall.core.system import end_with_parent
+from wall.run.endings import leave_to_head
 from wall.transport.curve import Keys
 
 END_S = 6.0  # for a process that was killed
@@ -132,6 +133,7 @@ def run_child(
     siblings: set[PipeEnd],
 ) -> None:
     """A forked rank: says why it failed."""
+    leave_to_head()
     belong_to(parent, others, siblings)
     code = 1
     try:

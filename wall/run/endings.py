@@ -12,7 +12,7 @@ import contextlib
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import thread as executors
 from types import FrameType
 
@@ -21,10 +21,21 @@ WRITE_S = 30  # for that process: a disk that does not answer keeps nothing for 
 _LOOK_S = 0.01
 
 
+@contextlib.contextmanager
+def held_back() -> Iterator[None]:
+    """While inside, what would end the run waits; processes that are forked begin so."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, REASONS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def leave_to_head() -> None:
-    """Let this process, a rank, ignore what ends the run: the head tells it."""
+    """Let this process, a rank, ignore what ends the run, also what waits: the head tells it."""
     for number in REASONS:
         signal.signal(number, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, REASONS)
 
 
 class EndSignals:

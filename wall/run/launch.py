@@ -9,7 +9,7 @@ import json
 import socket
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +36,7 @@ from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
 from wall.run.control_file import check_free, claimed
 from wall.run.cores import own_cores, quota, share_of_cores, usable_cores
+from wall.run.endings import held_back
 from wall.run.first_look import dark_views
 from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
@@ -120,17 +121,19 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
             layout.size, main, lambda head: lead(plan, head, Preparer(plan, machines), options, say, opened),
             encrypted=transport.encrypted, patience_s=head_lost_s(transport),
         ).run()  # fmt: skip
-    bootstrap: Bootstrap
-    if transport.kind == "loopback":
-        say(f"starting {layout.size} threads")
-        bootstrap = ThreadBootstrap.start(layout.size, main)
-    else:
-        say(f"starting {layout.size} processes")
-        bootstrap = LocalBootstrap.start(layout.size, main, again=transport.restarts > 0, encrypted=transport.encrypted)
-    try:
+    threads = transport.kind == "loopback"
+    say(f"starting {layout.size} {'threads' if threads else 'processes'}")
+    with ExitStack() as closing:
+        with held_back():
+            bootstrap: Bootstrap = (
+                ThreadBootstrap.start(layout.size, main)
+                if threads
+                else LocalBootstrap.start(
+                    layout.size, main, again=transport.restarts > 0, encrypted=transport.encrypted
+                )
+            )
+            closing.callback(bootstrap.finish, told=False)  # who is there then was not told: the head came not so far
         return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)
-    finally:
-        bootstrap.finish(told=False)  # who is there still has not been told to end: the head did not come so far
 
 
 def _run_mpi(

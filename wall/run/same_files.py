@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -20,6 +19,7 @@ from wall.core.files import read_file
 from wall.roles.plan import HEAD, Layout
 from wall.scene.data.samples import BUILT_IN_DATA
 from wall.scene.data.steps import steps_of
+from wall.scene.data.vtk_files import files_of_header
 from wall.scene.gltf import MOST_BYTES
 from wall.scene.materials import texture_of
 from wall.scene.sources import BUILT_IN, sources_of
@@ -136,8 +136,7 @@ def _named_in(path: Path, data: bytes | None) -> list[Path]:
         words = (line.split(None, 1) for line in text.splitlines() if line.startswith("mtllib "))
         return [path.parent / both[1].strip() for both in words if len(both) == 2]
     if suffix == ".mhd":
-        named = re.search(r"^ElementDataFile\s*=\s*(\S.*?)\s*$", text, re.MULTILINE)
-        return [] if named is None or named[1] in ("LOCAL", "LIST") else [path.parent / named[1]]
+        return [path.parent / name for name in files_of_header(text)]
     try:
         header: dict[str, Any] = json.loads(text) if suffix == ".gltf" else {}
         parts = [*header.get("buffers", []), *header.get("images", [])]

@@ -15,7 +15,7 @@ import pickle
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import Pipe
@@ -30,7 +30,7 @@ from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import STOP_WAIT_S, LocalBootstrap, as_rank
 from wall.run.children import Children, PipeEnd, belong_to, how_ended
 from wall.run.control_file import new_key
-from wall.run.endings import REASONS, leave_to_head
+from wall.run.endings import REASONS, held_back
 from wall.run.shared_state import MOST_BYTES, SharedState
 from wall.run.sinks import PageAt
 from wall.transport.curve import Keys
@@ -171,7 +171,7 @@ class Stand(Generic[T]):
         self._size, self._head = size, head
         keys: Sequence[Keys | None] = Keys.of_all(size) if encrypted else [None] * size
         self._keys, self._key = keys, new_key()
-        self._children, self._state = Children(as_rank(size, partial(_be_rank, main)), keys), SharedState()
+        self._children, self._state = Children(as_rank(size, main), keys), SharedState()
         self._writers: dict[int, Connection] = {}  # to ranks that were not told the address yet
         self._pipe: Connection | None = None
         self._ended: dict[int, str] = {}  # ranks, badly, and not started again since
@@ -190,7 +190,7 @@ class Stand(Generic[T]):
         for stream in filter(None, (sys.stdout, sys.stderr)):
             stream.flush()
         try:
-            with _later():
+            with held_back():
                 self._before = {number: signal.signal(number, self._pass_on) for number in REASONS}
                 for number, handler in self._before.items():
                     if handler is signal.SIG_IGN:
@@ -220,7 +220,7 @@ class Stand(Generic[T]):
         make = partial(
             StandbyBootstrap, self._size, its, self._keys[HEAD], self._state, self._key, how, launched=self._launched
         )  # fmt: skip
-        with _later():  # what would end the run finds this head
+        with held_back():  # what would end the run finds this head
             self._children.start(HEAD, _be_head, make, others, self._head, os.getpid(), self._before)
         its.close()
         if self._pipe is not None:
@@ -280,7 +280,7 @@ class Stand(Generic[T]):
 
     def _fork(self, rank: int, text: str) -> None:
         try:
-            with _later():
+            with held_back():
                 writer = self._children.fork(rank, list(filter(None, [self._pipe])))
         except OSError as error:  # no memory, or no process left
             self._ended[rank] = f"could not be started: {error}"
@@ -356,23 +356,6 @@ class LaunchedStand(Stand[T]):
     def _address(self, text: str) -> None:
         self._own.broadcast(text)
         self._tell("told")
-
-
-@contextlib.contextmanager
-def _later() -> Iterator[None]:
-    """While inside, what would end the run waits."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, REASONS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _be_rank(main: Callable[[LocalBootstrap], None], bootstrap: LocalBootstrap) -> None:
-    """A forked rank: the head tells it to end."""
-    leave_to_head()
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, REASONS)
-    main(bootstrap)
 
 
 def _be_head(

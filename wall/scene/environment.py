@@ -11,11 +11,13 @@ from wall.core.colour import srgb_decoded
 from wall.core.data import Float32
 from wall.core.errors import ConfigError, SceneError
 from wall.core.fields import BRIGHTEST
+from wall.core.files import read_file
 from wall.operators.image_file import read_image
 from wall.scene.model import Environment
 from wall.scene.radiance_file import read_hdr
 
 FORMATS = (".hdr", ".exr", ".png", ".jpg", ".jpeg")
+MOST_BYTES = 1 << 31  # of a .hdr file
 WIDEST_PX = 4096  # 96 MiB of texels; wider images are reduced until they fit
 BROKEN = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError, Image.DecompressionBombError)
 
@@ -63,7 +65,7 @@ def _reduced(light: Float32, size: tuple[int, int]) -> Float32:
 def _decoded(path: Path, kind: str) -> Float32:
     """(h, w, 3) linear RGB."""
     if kind == ".hdr":
-        return read_hdr(path.read_bytes())
+        return read_hdr(read_file(path, MOST_BYTES))
     if kind == ".exr":
         return read_image(path).colour
     with Image.open(path, formats=["PNG", "JPEG"]) as image:

@@ -1,6 +1,6 @@
 """Models from files, read by a process of their own: parsers are others' code, so time and memory have limits.
 
-`python -m wall.scene.model_files DESCRIPTOR` is that process. It imports what reads models, which others then do
+`python -m wall.scene.model_files DESCRIPTOR PARENT` is that process. It imports what reads models, which others then do
 without, and ends when all are read.
 """
 
@@ -70,7 +70,7 @@ def read(requests: Sequence[Request]) -> list[Source]:
     with open(reader, "rb") as sources:
         try:
             process = subprocess.Popen(
-                [sys.executable, "-m", __name__ if __name__ != "__main__" else "wall.scene.model_files", str(writer)],
+                [sys.executable, "-m", __name__, str(writer), str(os.getpid())],
                 stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, pass_fds=(writer,),
                 process_group=0,  # Ctrl-C is for those who end it
             )  # fmt: skip
@@ -114,9 +114,11 @@ def _why(process: subprocess.Popen[bytes], request: Request) -> str:
     return f"{request.path}: cannot be read; what reads models ended with {how}"
 
 
-def main(descriptor: int) -> None:
+def main(descriptor: int, parent: int) -> None:
     """Be the process that reads."""
     end_with_parent(signal.SIGKILL)
+    if os.getppid() != parent:
+        return
     from wall.scene.loading import load
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -144,4 +146,4 @@ def _limit(what: int, most: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    main(int(sys.argv[1]), int(sys.argv[2]))

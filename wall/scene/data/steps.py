@@ -17,10 +17,12 @@ import numpy as np
 
 from wall.config.scene_data import DataConfig, PointsConfig, SeriesConfig
 from wall.core.errors import SceneError
+from wall.core.files import read_file
 from wall.scene.data.errors import parser_says
 from wall.scene.data.samples import STEPS
 
 MOST_STEPS = 100_000
+MOST_LIST = 1 << 24  # bytes of a list of steps
 MOST_NAMED = 5  # in an error
 
 
@@ -97,7 +99,7 @@ def _matched(path: Path, where: str) -> tuple[Part, ...]:
 def _listed(path: Path) -> tuple[tuple[Part, ...], tuple[float, ...]]:
     """The files that a .pvd or .series file names, and their times, in its own unit."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_file(path, MOST_LIST).decode("utf-8-sig")
         rows = _of_pvd(text) if path.suffix == ".pvd" else _of_series(text)
         named = sorted((float(time), str(name)) for time, name in rows)
     except FileNotFoundError:

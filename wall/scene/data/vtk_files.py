@@ -6,6 +6,7 @@ contours fields on any grid. Raises SceneError.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float32, Float64
 from wall.core.errors import SceneError
+from wall.core.files import open_file
 from wall.scene.data.errors import NoSurfaceError
 from wall.scene.data.samples import FIELDS
 
@@ -29,6 +31,7 @@ READERS = {  # by VTK's module and class
     ".mha": ("vtkIOImage", "vtkMetaImageReader"),
     ".mhd": ("vtkIOImage", "vtkMetaImageReader"),
 }
+LONGEST_HEADER = 1 << 16  # bytes of an .mhd
 LONGEST_REASON = 200  # characters of VTK's errors
 
 
@@ -60,6 +63,8 @@ def read_data_set(path: Path) -> Any:
         raise SceneError(f"{path}: no known kind of surface or field, known are {known}")
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
+    if path.suffix.lower() == ".mhd":
+        _check_named(path)
     reader = _made(*kind, path)
     reader.SetFileName(str(path))
     if path.suffix.lower() == ".vtk":  # else it reads one array of each kind
@@ -70,6 +75,24 @@ def read_data_set(path: Path) -> Any:
     if found is None or found.GetNumberOfPoints() == 0:
         raise SceneError(f"{path}: holds no points")
     return found
+
+
+def _check_named(path: Path) -> None:
+    """Refuse a header whose numbers are in a pipe or a device, for which VTK would wait."""
+    with open_file(path) as file:
+        header = file.read(LONGEST_HEADER).decode("utf-8-sig", "replace")
+    for name in files_of_header(header):
+        if (named := path.parent / name).exists() and not named.is_file():
+            raise SceneError(f"{path}: names {named}, which is a pipe, a device or a folder; wanted a file")
+
+
+def files_of_header(text: str) -> list[str]:
+    """The names of the files that hold the numbers of an .mhd, which ends with them; [] where it holds them itself."""
+    found = re.search(r"^ElementDataFile\s*=\s*(\S.*?)\s*$(.*)", text, re.MULTILINE | re.DOTALL)
+    if found is None or found[1] == "LOCAL":
+        return []
+    listed = found[1].startswith("LIST")
+    return [line.strip() for line in found[2].splitlines() if line.strip()] if listed else [found[1]]
 
 
 def read_lines(path: Path) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
