@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
-from running import environment, mpirun
+import trimesh
+from running import environment, mpirun, write_config
 
 pytestmark = pytest.mark.mpi
 LIMIT_S = 60.0
@@ -62,3 +65,21 @@ def test_a_refusal_before_a_run_ends_those_that_wait(who: list[str], options: tu
     assert done.returncode == 2
     assert [f"rank {rank} refuses" in done.stderr for rank in who] == [True] * len(who)
     assert ("MPI_ABORT" in done.stderr) == (who == ["2"])
+
+
+def test_a_model_that_one_rank_lacks_ends_all_with_its_name(tmp_path: Path) -> None:
+    folders = tmp_path / "whole", tmp_path / "lacking"
+    for folder in folders:
+        folder.mkdir()
+    configs = [write_config(folder, source="ball.obj") for folder in folders]
+    trimesh.creation.icosphere(subdivisions=1).export(folders[0] / "ball.obj")
+    one, other = ([sys.executable, "-m", "wall", "run", str(config), "--headless"] for config in configs)
+    command = [*mpirun(1), *one, "--out", str(tmp_path / "out"), ":", "-n", "1", *other]
+
+    began = time.monotonic()
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=LIMIT_S, check=False)
+
+    said = " ".join((done.stdout + done.stderr).split())
+    assert done.returncode == 2, said
+    assert "ball.obj" in said
+    print(f"ended after {time.monotonic() - began:.1f} s: {said}")

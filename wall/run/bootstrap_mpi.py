@@ -24,6 +24,7 @@ from wall.transport.curve import KeyPair, Keys
 START_WAIT_S = 600.0  # for all ranks to load the scene and, on a fresh machine, to compile
 SLOW_START_S = 20.0  # after which it is said what is being waited for
 SEGMENTS = "/dev/shm/sm_segment."  # Open MPI's files of shared memory, one a process
+REFUSE_WAIT_S = 2.0  # for all ranks to refuse what one refuses
 END_WAIT_S = 5.0  # for MPI_Finalize, which waits for the head's results, and for ever for some dead ranks
 
 
@@ -108,8 +109,8 @@ class MpiBootstrap:
 
 
 def _end_all(ending: MPI.Comm) -> None:
-    """End all ranks with exit code 2, if they have not all come here within END_WAIT_S."""
-    there, limit = ending.Ibarrier(), time.monotonic() + END_WAIT_S
+    """End all ranks with exit code 2, if they have not all come here within REFUSE_WAIT_S."""
+    there, limit = ending.Ibarrier(), time.monotonic() + REFUSE_WAIT_S
     while not there.Test():
         if time.monotonic() > limit:
             sys.stdout.flush()

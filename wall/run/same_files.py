@@ -67,8 +67,9 @@ def differences(prints: Sequence[dict[str, str]], machines: Sequence[str], who: 
                 what = "is missing" if found in (None, MISSING) else "differs"
                 others.setdefault(machines[rank], f"{what} on {machines[rank]} ({who[rank]})")
         if others:
-            there = "is not there" if own in (None, MISSING) else "is another one"
-            head = f"on {machines[HEAD]} ({who[HEAD]}) it {there}"
+            differs = any(each.get(name) not in (None, MISSING, own) for each in prints)
+            there = "it is not there" if own in (None, MISSING) else "it is another one" if differs else "there is one"
+            head = f"on {machines[HEAD]} ({who[HEAD]}) {there}"
             lines.append(f"{name}: {', '.join(others.values())}; {head}; wanted: the same on all hosts")
     return lines
 
