@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Sequence
 
 from wall.core.errors import ConfigError
@@ -42,6 +43,17 @@ def check_started(plan: Plan, ranks: Sequence[int], *, forked: bool, host: str) 
     """
     left, taken = available_bytes(), memory() * (1 if forked else len(ranks))
     check_memory(plan, ranks, forked=forked, available=None if left is None else left + taken, host=host)
+
+
+def check_next(plan: Plan, machines: Sequence[str]) -> None:
+    """Refuse a configuration that a running wall is to adopt: both need memory until then, and each rank has a scene
+    of its own. `machines`: of every rank, "" all here. Raises ConfigError.
+    """
+    host, left = socket.gethostname(), available_bytes()
+    ranks = [rank for rank, machine in enumerate(machines) if machine in ("", host)]
+    if left is not None and ranks:
+        running = memory_on_host(plan, ranks, forked=False).programs
+        check_memory(plan, ranks, forked=False, available=left + running, host=host)
 
 
 def too_much(needed: HostMemory, available: int, host: str) -> str:

@@ -16,6 +16,7 @@ from wall.roles.instructions import Changed, PlanMade, Role
 from wall.roles.joining import grown
 from wall.roles.plan import Plan, check_files, make_layout, make_plan, reconstructed_at_renderers
 from wall.roles.reloading import as_run, check_fits
+from wall.run.host_memory import check_next
 from wall.run.tracers import Tracers
 from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -65,6 +66,7 @@ class Preparer:
             check_files(layout)
             layout = grown(reconstructed_at_renderers(layout, self.machines), self._plan.layout.extra)
             plan = replace(make_plan(layout), number=wanted.number, cores=self._plan.cores)
+            check_next(plan, self.machines)
             scene = make_tracer_scene(plan.scene)
             warm_up(plan, scene, lambda line: None, beside=True)
         except WallError as error:
