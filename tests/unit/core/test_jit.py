@@ -282,3 +282,68 @@ def test_what_is_imported_first_does_not_change_how_kernels_are_compiled(first: 
     environment = {**unset, "NUMBA_CACHE_DIR": str(tmp_path)}
     ended = subprocess.run([sys.executable, source], env=environment, capture_output=True, text=True, timeout=120)
     assert (ended.returncode, ended.stdout.split(), ended.stderr) == (0, ["0", "1", "1", "1", "1", "1"], "")
+
+
+TOGETHER = """\
+import pathlib, sys, time
+from wall.core import jit
+compiled = []
+@jit.kernel
+def called(value):
+    return value + 1
+@jit.kernel
+def total(values):
+    return sum([called(value) * 2 for value in values])
+print("ready", flush=True)
+sys.stdin.readline()
+with jit.when_compiling(lambda: compiled.append(1)):
+    assert total((1, 2)) == 10
+print(len(compiled), flush=True)
+"""
+
+
+def test_of_processes_that_want_a_kernel_one_compiles_it_and_the_others_wait(tmp_path: Path) -> None:
+    source = tmp_path / "compiles.py"
+    source.write_text(TOGETHER)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    processes = [subprocess.Popen([sys.executable, source], env=environment, **pipes) for _ in range(3)]
+    for process in processes:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+    compiled = [int(process.communicate(timeout=120)[0]) for process in processes]
+    assert sum(compiled) == max(compiled) > 0, "all kernels by one process"
+
+
+def test_a_turn_that_another_never_gives_back_is_waited_for_no_longer_than_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turn = kernel_cache.InTurn(tmp_path / "compiling.lock")
+    code = (
+        "import sys, pathlib; from wall.core.kernel_cache import InTurn; turn = InTurn(pathlib.Path(sys.argv[1])); "
+        "turn.wait(1 << 50); print(flush=True); sys.stdin.read()"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "compiling.lock")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        other.stdout.readline()
+        monkeypatch.setattr(kernel_cache, "LONGEST_TURN_S", 0.1)
+        assert turn.wait(1 << 50)
+        assert not turn.wait((1 << 50) + 1), "another kernel's"
+        other.kill()
+    monkeypatch.undo()
+    turn.wait(1 << 50)
+    turn.end(1 << 50)
+
+
+def test_where_a_file_system_has_no_locks_no_turn_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fcntl, "lockf", Mock(side_effect=OSError(errno.ENOLCK, "no locks available")))
+    assert not kernel_cache.InTurn(tmp_path / "compiling.lock").wait(1)
+    (tmp_path / "file").write_text("")
+    assert not kernel_cache.InTurn(tmp_path / "file" / "compiling.lock").wait(1), "nor where there can be no file"
