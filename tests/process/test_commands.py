@@ -198,8 +198,8 @@ def test_refused_configuration_says_where(
     config = write_config(tmp_path)
     config.write_text(config.read_text().replace(text, words), encoding="utf-8")
 
-    for command in ("check", "run"):
-        told = refused(command, config)
+    for command, *options in (("check",), ("run", "--out", tmp_path / "out")):  # OUT may be another test's
+        told = refused(command, config, *options)
         assert said in told
         assert config.name in told
 

@@ -302,6 +302,22 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
     assert not any(file.exists() for file in memory)
 
 
+@pytest.mark.mpi
+def test_without_ulfm_a_rank_that_dies_ends_the_run_with_its_results(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
+) -> None:
+    config = write_config(tmp_path, columns=2, path=ORBIT)
+    run = running("run", config, "--headless", "--out", tmp_path / "out", launcher=mpirun(3))
+    read_until(run, "running (Ctrl-C")
+    (victim,) = (pid for pid in session_of(run.pid) if environment_of(pid).get("OMPI_COMM_WORLD_RANK") == "1")
+
+    os.kill(victim, signal.SIGKILL)
+    until_gone(run)
+
+    assert run.wait(1) != 0
+    until_written(tmp_path / "out" / "summary.json", "terminated", STOP_LIMIT_S)
+
+
 def samples_of(address: str, rank: int) -> int:
     """How many samples a rank of the run with this page has traced, as far as the head has heard."""
     return int(status(address)["totals"][rank]["samples"])

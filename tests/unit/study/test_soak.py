@@ -36,6 +36,8 @@ def test_what_grows_drifts_or_is_forgotten_is_named() -> None:
     assert "34 descriptors more" in verdict.why
     drifting = [replace(row, clock_ms=2.0 * k) for k, row in enumerate(FLAT)]
     assert judge(drifting).why == "the head's clock drifted by 68 ms"
+    aging = [replace(row, age_s=0.5 + 0.05 * k) for k, row in enumerate(FLAT)]
+    assert judge(aging).why == "the oldest samples became 2.2 times as old"
     forgetful = [*FLAT[:-1], replace(FLAT[-1], dropped={"late": 3})]
     assert judge(forgetful).forgotten == ("late",)
 

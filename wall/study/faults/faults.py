@@ -42,6 +42,7 @@ CUT_S = 8.0  # that a host is cut off: longer than a rank may be silent, and tha
 SLOW_BITS_S = 1_000_000
 LOSS, DELAY_S = 0.02, 0.02  # of packets on a lossy link, each way
 PORTS = "9000-9100"
+EVERYWHERE: Place = (0, 0, 1 << 20, 1 << 20)  # pixels
 MOST_MARKED_MS = {KILLED: 100.0, FROZEN: 400.0, CUT: 400.0}  # what is wanted, as all of the following
 MOST_LOST, LOST_S = 10.0, 1.0  # percent of the others' samples that may be lost after so long
 MOST_AGAIN_MS, MOST_REPLACED_MS = 3000.0, 5000.0
@@ -95,7 +96,7 @@ def faults_of(layout: Layout, hosts: int = 0) -> list[Fault]:
     kinds = [
         Fault(kind=kind, role=role, rank=rank) for role, rank in there.items() for kind in (KILLED, FROZEN, SLOWED)
     ]
-    heads = [Fault(kind=kind, role="head", rank=HEAD) for kind in (KILLED, REPLACED)]
+    heads = [Fault(kind=kind, role="head", rank=HEAD) for kind in (FROZEN, SLOWED, KILLED, REPLACED)]
     if not hosts:
         return [*kinds, *heads, Fault(kind=FULL, role="", rank=None)]
     network = [Fault(kind=kind, role="host", rank=layout.size - 1) for kind in (CUT, SLOW_LINK, LOSSY_LINK)]
@@ -156,23 +157,27 @@ def _measured(
 ) -> Row:
     time.sleep(SETTLE_S + seconds)
     began = time.monotonic()
-    ended = _do(fault, wall, seconds=seconds, results=results)  # of the head: at the end
-    if fault.role != "head":
+    dies = fault.role == "head" and fault.kind == KILLED
+    ended = _do(fault, wall, seconds=seconds, results=results)  # the head is killed at the end
+    if not dies:
         time.sleep(seconds)
     until, seen, dead = time.monotonic(), wall.seen, wall.process.poll() is not None
-    code, left = wall.end(signal.SIGKILL if fault.role == "head" else signal.SIGINT)
+    code, left = wall.end(signal.SIGKILL if dies else signal.SIGINT)
     again = lost = None
-    of_rank = () if fault.rank is None else stale_places(layout, [fault.rank])
-    if fault.role != "head":
+    of_rank: Sequence[Place] = () if fault.rank is None else stale_places(layout, [fault.rank])
+    if fault.role == "head":
+        of_rank = [EVERYWHERE]
+    if not dies:
         lost = others_lost(layout, seen, fault.rank, began=began, until=until, seconds=seconds)
-    if fault.role != "head" and fault.kind != FULL:
+    if not dies and fault.kind != FULL:
         again = whole_again(read_log(wall.images), of_rank, began=wall.clock(began), ended=wall.clock(ended))
     after = [each for each in seen if each.time >= began]
-    detected = _first(after, began, lambda status: not status["ranks"][fault.rank]["alive"]) if of_rank else None
-    marked = _first(after, began, lambda status: _marks(status, of_rank)) if of_rank else None
+    told = of_rank if fault.role != "head" else ()  # by the head itself
+    detected = _first(after, began, lambda status: not status["ranks"][fault.rank]["alive"]) if told else None
+    marked = _first(after, began, lambda status: _marks(status, told)) if told else None
     if dead:
         why = f"the wall ended: {wall.said.strip()[-300:]}"
-    elif fault.role == "head":
+    elif dies:
         why = "" if (results / "summary.json").exists() else "no results were written"
     else:
         why = _why_not_ok(fault, detected, marked, again, lost)
@@ -332,7 +337,7 @@ def _why_not_ok(
 ) -> str:
     """What is not as wanted, in words; "" for nothing."""
     found = []
-    if (most := MOST_MARKED_MS.get(fault.kind)) is not None:
+    if fault.role != "head" and (most := MOST_MARKED_MS.get(fault.kind)) is not None:
         for word, value in (("noticed", detected), ("marked", marked)):
             if value is None or value > most:
                 found.append(f"{word} after {value} ms" if value is not None else f"not {word}")

@@ -35,6 +35,7 @@ VISIT_S, PAUSE_S = 4.0, 3.0  # that a viewer stays, and until the next one comes
 SETTLE_S = 600.0  # before memory is judged; a third of a shorter run
 MOST_GROWTH = 1.0  # percent of memory
 INHERITED = 3  # descriptors more of a rank that is forked again, of the process that does it
+MOST_AGING = 2.0  # times as old as before, of the oldest sample shown; it is older while a viewer has paused
 MOST_DRIFT_MS = 50.0  # of the head's clock against this process's
 SLOW_S = 5.0
 KINDS = (KILLED, FROZEN, SLOWED)
@@ -69,6 +70,7 @@ class Verdict:
     growth_percent: float  # of memory, from the first third of what is judged to the last
     descriptors: int  # more at the end than at the beginning of what is judged, medians
     drift_ms: float  # of the head's clock, medians likewise
+    aging: float  # of the oldest sample shown: its age at the end over that at the beginning, medians
     forgotten: tuple[str, ...]  # names of drops whose count fell
     why: str
 
@@ -86,6 +88,8 @@ def judge(rows: Sequence[Row]) -> Verdict:
     more = round(float(np.median([r.descriptors for r in last]) - np.median([r.descriptors for r in first])))
     expected = INHERITED * min(sum(row.fault == KILLED for row in settled), rows[-1].processes)
     drift = abs(float(np.median([row.clock_ms for row in last]) - np.median([row.clock_ms for row in first])))
+    young, old = (float(np.median([row.age_s for row in part])) for part in (first, last))
+    aging = old / young if young > 0.0 else 1.0
     fell = {
         name
         for one, other in itertools.pairwise(rows)
@@ -96,11 +100,12 @@ def judge(rows: Sequence[Row]) -> Verdict:
         f"memory grew by {growth:.1f} %" if growth > MOST_GROWTH else "",
         f"{more} descriptors more" if more > expected else "",
         f"the head's clock drifted by {drift:.0f} ms" if drift > MOST_DRIFT_MS else "",
+        f"the oldest samples became {aging:.1f} times as old" if aging > MOST_AGING else "",
         f"forgotten drops: {', '.join(sorted(fell))}" if fell else "",
     ]
     return Verdict(
-        growth_percent=round(growth, 2), descriptors=more, drift_ms=round(drift, 1), forgotten=tuple(sorted(fell)),
-        why="; ".join(filter(None, found)),
+        growth_percent=round(growth, 2), descriptors=more, drift_ms=round(drift, 1), aging=round(aging, 2),
+        forgotten=tuple(sorted(fell)), why="; ".join(filter(None, found)),
     )  # fmt: skip
 
 
@@ -241,6 +246,7 @@ def report(rows: Sequence[Row], out: Path) -> Iterator[RenderableType]:
         ("memory", f"{verdict.growth_percent:+.2f} %", f"at most {MOST_GROWTH:g} %"),
         ("descriptors", f"{verdict.descriptors:+d}", "none more, but of ranks forked again"),
         ("the head's clock", f"{verdict.drift_ms:.1f} ms", f"at most {MOST_DRIFT_MS:g} ms"),
+        ("age of the oldest sample", f"{verdict.aging:.2f} times", f"at most {MOST_AGING:g} times"),
         ("dropped", f"{sum(rows[-1].dropped.values())}", "no count falls"),
         ("faults", f"{sum(bool(row.fault) for row in rows)}", ""),
         ("verdict", verdict.why or "nothing", MISSED if verdict.why else MET),
