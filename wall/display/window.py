@@ -55,16 +55,18 @@ class WindowSink:
         self.notes = tuple(note for host in self.hosts for note in host.notes)  # to be said once
 
     def show(self, image: WallImage, status: Status) -> None:
-        """Show each panel's image in its window."""
-        self.put(image.panels)
+        """Show each panel's image in its window, and frame what gets nothing new."""
+        self.put(image.panels, status.stale)
 
-    def put(self, images: Sequence[PanelImage]) -> None:
+    def put(self, images: Sequence[PanelImage], stale: Sequence[tuple[float, float, float, float]] = ()) -> None:
         """Show these as soon as their displays can; those of panels that have no window here are left alone.
+
+        stale : places to frame, as Status has them.
 
         Raises LocalProtocolError for an image that has not its panel's size.
         """
         for host in self.hosts:
-            host.put([image for image in images if image.id in host.areas])
+            host.put([image for image in images if image.id in host.areas], stale)
 
     def lay_out(
         self, wall: Wall, views: Sequence[str], why_images: Sequence[str], images: Sequence[ZoomedPlace], folder: Path

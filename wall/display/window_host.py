@@ -27,6 +27,7 @@ import wall
 from wall.core.data import Rect
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelImage
+from wall.display.stale_marks import draw, marked
 from wall.display.tiles import changed_since, tile_rects
 from wall.display.window_layout import Place, WindowRequest, request_of
 from wall.geometry.panels import Panel
@@ -53,7 +54,10 @@ class WindowHost:
         self._buffers, size = _buffers(self._bytes)
         self._changed = threading.Condition()
         self._newest: dict[str, PanelImage] = {}  # of each panel
+        self._panels = {panel.id: panel for panel in panels}
+        self._marks: dict[str, tuple[Rect, ...]] = {}  # of each panel, the parts that are framed
         self._sent: dict[str, int] = {}  # of each panel, the version that its window was sent
+        self._framed: dict[str, tuple[Rect, ...]] = {}  # and the frames
         self.copied = 0  # bytes of pixels that windows were sent
         self._waiting: set[int] = set()  # windows whose newest image is not on its way yet
         self._open = set(range(len(self._requests)))
@@ -99,16 +103,27 @@ class WindowHost:
             process_group=0,  # Ctrl-C is for the run; it closes the windows when it ends
         )
 
-    def put(self, images: Sequence[PanelImage]) -> None:
-        """Take the newest images of these panels, all at once: both eyes of a window stay together."""
+    def put(self, images: Sequence[PanelImage], stale: Sequence[tuple[float, float, float, float]] = ()) -> None:
+        """Take the newest images of these panels, all at once: both eyes of a window stay together.
+
+        stale : places on the virtual screen that are framed
+        """
         for image in images:
             rect = self.areas[image.id].rect
             if image.rgb.shape != (rect.height, rect.width, 3):
                 came = "x".join(str(n) for n in image.rgb.shape[1::-1])
                 wanted = f"{rect.width}x{rect.height}"
                 raise LocalProtocolError(f"panel {image.id}: an image of {came} pixels for {wanted}")
+        marks = {image.id: marked(self._panels[image.id], stale) for image in images} if stale or self._marks else {}
         with self._changed:
-            news = [p for p in images if p.id not in self._newest or self._newest[p.id].version != p.version]
+            news = [
+                image
+                for image in images
+                if image.id not in self._newest
+                or self._newest[image.id].version != image.version
+                or self._marks.get(image.id, ()) != marks.get(image.id, ())
+            ]
+            self._marks |= marks
             self._newest.update((image.id, image) for image in news)
             for k in {self.areas[image.id].window for image in news} & self._open:
                 if k in self._waiting:
@@ -193,24 +208,28 @@ class WindowHost:
             ready = {k: (self._free[k].pop(), self._put[k]) for k in self._waiting if self._free[k]}
             self._waiting -= ready.keys()
             images = [image for image in self._newest.values() if self.areas[image.id].window in ready]
+            marks = {image.id: self._marks.get(image.id, ()) for image in images}
         patches: dict[int, list[tuple[int, int, int, int]]] = {k: [] for k in ready}  # by window
         at = {k: self._buffers[k][buffer] for k, (buffer, _) in ready.items()}
         for image in images:
             k, area = self.areas[image.id]
-            for rect in self._changed_rects(image):
+            for rect in self._changed_rects(image, marks[image.id]):
                 pixels = image.rgb[rect.y : rect.bottom, rect.x : rect.right]
-                self._shared[at[k] : at[k] + pixels.size].reshape(pixels.shape)[:] = pixels
+                sent = self._shared[at[k] : at[k] + pixels.size].reshape(pixels.shape)
+                sent[:] = pixels
+                draw(sent, rect, marks[image.id], image.rgb.shape[1::-1])
                 at[k] += pixels.size
                 self.copied += pixels.size
                 patches[k].append((area.x + rect.x, area.y + rect.y, rect.width, rect.height))
         for k, (buffer, number) in ready.items():
             self._send([k, buffer, *self._requests[k].pixels, number, patches[k]])
 
-    def _changed_rects(self, image: PanelImage) -> list[Rect]:
+    def _changed_rects(self, image: PanelImage, marks: tuple[Rect, ...]) -> list[Rect]:
         """Rectangles of an image that hold all that its window has not been sent, and mark it as sent."""
         height, width = image.rgb.shape[:2]
-        tiles = changed_since(image, self._sent.get(image.id))
-        self._sent[image.id] = image.version
+        framed = self._framed.get(image.id, ()) == marks  # as before, or all is sent anew
+        tiles = changed_since(image, self._sent.get(image.id) if framed else None)
+        self._sent[image.id], self._framed[image.id] = image.version, marks
         rects = tile_rects(tiles, width, height)
         return rects if len(rects) <= MOST_RECTS else [reduce(Rect.join, rects)]
 

@@ -30,7 +30,7 @@ MEASURED_LATENCIES = 65536  # kept for the summary
 AWAY_FROM_HEAD = Status(
     seconds=0.0, paused=False, sampler="", samplers=(), ranks=(), latency_ms=(0.0, 0.0, 0.0), latencies_ms=(),
     refreshes_per_s=0.0,
-)  # fmt: skip  # what sinks away from the head are given: they show none of it
+)  # fmt: skip  # what sinks away from the head are given: they show what is stale alone
 
 
 class Rates:

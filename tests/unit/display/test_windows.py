@@ -22,6 +22,7 @@ from wall.config.displays import WindowConfig
 from wall.config.screens import GridConfig, PanelConfig, WallConfig
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelImage
+from wall.display.stale_marks import COLOURS
 from wall.display.tiles import changed_since, tile_rects, updated
 from wall.display.window import WindowSink
 from wall.display.window_host import MOST_RECTS
@@ -381,3 +382,34 @@ def _state(process: int) -> str:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
     except OSError:
         return "Z"
+
+
+def test_what_gets_nothing_new_is_framed_until_it_does(screens: tuple[str, str]) -> None:
+    """Places of the virtual screen, in pixels of a panel that has one for two of them; the middle stays as it is."""
+    two = panels((97, 61), (50, 33), display=screens[0], window=[window(10, 20, 97, 61), window(150, 100, 50, 33)])
+    two[1] = replace(two[1], span=(100, 66))
+    first, second = noise(97, 61), noise(50, 33, 2)
+    images = [shown(two[0], first), shown(two[1], second)]
+    sink = WindowSink(two, refresh_hz=60)
+    try:
+        sink.put(images)
+        sink.put(images, [(97.0, 0.0, 60.0, 66.0)])
+        assert sink.settled(SETTLED_S)
+        framed = second.copy()
+        stripes = np.add.outer(np.arange(33), np.arange(50)) // 4 % 2
+        frame = np.zeros((33, 50), np.bool_)
+        frame[:, :30] = True
+        frame[4:-4, 4:26] = False
+        framed[frame] = COLOURS[stripes][frame]
+        assert looks_like(screens[0], on_black(300, 200, (10, 20, first), (150, 100, framed)))
+        second[16, 2], second[16, 40] = 255 - second[16, 2], 0
+        newer = [images[0], shown(two[1], second, 2)]
+        sink.put(newer, [(97.0, 0.0, 60.0, 66.0)])
+        assert sink.settled(SETTLED_S)
+        framed[16, 40] = 0
+        assert looks_like(screens[0], on_black(300, 200, (10, 20, first), (150, 100, framed))), "under the frame, too"
+        sink.put(newer)
+        assert sink.settled(SETTLED_S)
+        assert looks_like(screens[0], on_black(300, 200, (10, 20, first), (150, 100, second)))
+    finally:
+        sink.close()

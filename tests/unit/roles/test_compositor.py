@@ -284,6 +284,18 @@ def test_who_is_absent_is_told_before_the_next_image(alone: Plan) -> None:
     assert told(Membership(members=everybody[:1])) == [(Tell, 1)]
 
 
+@pytest.mark.parametrize(("marks", "told"), [("", [0, 1, 0]), ("transport: {stale_after_s: 0}\n", [0, 0, 0])])
+def test_a_compositor_with_windows_marks_there_who_is_absent(marks: str, told: list[int]) -> None:
+    plan = one_panel(OVERLAY + marks)
+    remote, event = Rank(plan, 1), first_event(plan, 0.0)
+    everybody = tuple(Hello(rank=k, host="", endpoint="", incarnation=1) for k in range(plan.layout.size))
+    stale = [
+        len(of(Show, remote.tell(event, Membership(members=members)))[-1].status.stale)
+        for members in (everybody, everybody[:2], everybody)
+    ]
+    assert stale == told
+
+
 def test_latency_is_measured_once_everybody_is_there(alone: Plan) -> None:
     head, event = Rank(alone), first_event(alone, 0.0)
     batch = replace(flat(1.0, event, adaptive=True), base_time=head.now)
