@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -67,19 +66,32 @@ def test_a_refusal_before_a_run_ends_those_that_wait(who: list[str], options: tu
     assert ("MPI_ABORT" in done.stderr) == (who == ["2"])
 
 
-def test_a_model_that_one_rank_lacks_ends_all_with_its_name(tmp_path: Path) -> None:
-    folders = tmp_path / "whole", tmp_path / "lacking"
-    for folder in folders:
-        folder.mkdir()
-    configs = [write_config(folder, source="ball.obj") for folder in folders]
-    trimesh.creation.icosphere(subdivisions=1).export(folders[0] / "ball.obj")
-    one, other = ([sys.executable, "-m", "wall", "run", str(config), "--headless"] for config in configs)
-    command = [*mpirun(1), *one, "--out", str(tmp_path / "out"), ":", "-n", "1", *other]
+def two_folders(folder: Path, **at_the_second: str) -> list[str]:
+    """The start of a wall of two ranks in folders of their own, of which the first has a model."""
+    command = list[str]()
+    for name in ("first", "second"):
+        (folder / name).mkdir()
+        config = write_config(folder / name, source="ball.obj", **(at_the_second if name == "second" else {}))
+        run = [sys.executable, "-m", "wall", "run", config.name, "--headless", "--seconds", "1"]
+        command += [":"] * (name == "second") + ["-n", "1", "-wdir", str(folder / name), *run]
+    trimesh.creation.icosphere(subdivisions=1).export(folder / "first/ball.obj")
+    return [*mpirun(1)[:-2], *command]
 
-    began = time.monotonic()
+
+def test_a_model_that_one_rank_lacks_is_sent_to_it(tmp_path: Path) -> None:
+    command = two_folders(tmp_path)
     done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=LIMIT_S, check=False)
+    said = " ".join((done.stdout + done.stderr).split())
+    assert done.returncode == 0, said
+    assert "note: ball.obj was sent to" in said
+    assert (tmp_path / "second/ball.obj").read_bytes() == (tmp_path / "first/ball.obj").read_bytes()
 
+
+def test_a_configuration_that_differs_ends_all_and_sends_nothing(tmp_path: Path) -> None:
+    command = two_folders(tmp_path, method="framed")
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=LIMIT_S, check=False)
     said = " ".join((done.stdout + done.stderr).split())
     assert done.returncode == 2, said
-    assert "ball.obj" in said
-    print(f"ended after {time.monotonic() - began:.1f} s: {said}")
+    assert "configuration wall-0.yaml: differs on" in said
+    assert "file ball.obj: is missing on" in said
+    assert not (tmp_path / "second/ball.obj").exists()

@@ -24,6 +24,7 @@ from wall.transport.curve import KeyPair, Keys
 START_WAIT_S = 600.0  # for all ranks to load the scene and, on a fresh machine, to compile
 SLOW_START_S = 20.0  # after which it is said what is being waited for
 SEGMENTS = "/dev/shm/sm_segment."  # Open MPI's files of shared memory, one a process
+PART = 1 << 24  # bytes of a file that other hosts are sent
 REFUSE_WAIT_S = 2.0  # for all ranks to refuse what one refuses
 END_WAIT_S = 5.0  # for MPI_Finalize, which waits for the head's results, and for ever for some dead ranks
 
@@ -59,6 +60,14 @@ class MpiBootstrap:
         told = self.allgather(text)[0]
         self._begun = True
         return told
+
+    def shared(self, data: bytes | None) -> Iterator[bytes]:
+        """Rank 0's bytes at every rank, part after part; the others have None."""
+        with time_limit(START_WAIT_S, self._give_up):
+            size: int = self._world.bcast(0 if data is None else len(data), root=0)
+            for at in range(0, size, PART):
+                part: bytes = self._world.bcast(None if data is None else data[at : at + PART], root=0)
+                yield part
 
     def gather(self, data: bytes) -> list[bytes] | None:
         """Every rank's bytes at rank 0, None elsewhere; for results at the end of `wall render`."""

@@ -155,7 +155,9 @@ def _run_launched(
 ) -> Outcome | None:
     machines = launched.allgather(socket.gethostname())
     bound = [json.loads(text) for text in launched.allgather(json.dumps(own_cores()))]
-    check_same(launched, layout, machines)
+    for note in check_same(launched, layout, machines):
+        if launched.rank == HEAD:
+            say(f"note: {note}")
     check_size(layout, launched.size, tell=launched.rank == HEAD)
     check_reached(layout, machines, tell=launched.rank == HEAD)
     if layout.config.transport.encrypted:

@@ -1,16 +1,21 @@
 """All ranks of a run have the same program, configuration and models, or the run is refused before it begins.
 
-Each rank reads its own host's files. Where they differ every rank does its work, and the picture is wrong.
+Each rank reads its own host's files. Where they differ every rank does its work, and the picture is wrong. A file of
+the scene that a host lacks is sent there by the head.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+import os
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 from wall.config.loading import dump
 from wall.config.scene_data import DataConfig, SeriesConfig
@@ -22,10 +27,13 @@ from wall.scene.data.steps import steps_of
 from wall.scene.data.vtk_files import files_of_header
 from wall.scene.gltf import MOST_BYTES
 from wall.scene.materials import texture_of
+from wall.scene.mtl import options_of
 from wall.scene.sources import BUILT_IN, sources_of
 
 PROGRAM = Path(__file__).parents[1]
 MISSING = "missing"
+FILE = "file "  # before the name of one of the scene's
+MAPS = re.compile(r"^[ \t]*(?:map_\w+|norm|bump|disp)[ \t]+(\S.*?)\s*$", re.MULTILINE | re.IGNORECASE)
 
 
 class Gathers(Protocol):
@@ -38,17 +46,79 @@ class Gathers(Protocol):
         ...
 
 
-def check_same(ranks: Gathers, layout: Layout, machines: Sequence[str]) -> None:
+class Shares(Gathers, Protocol):
+    """Ranks that the first one can send files to."""
+
+    def shared(self, data: bytes | None) -> Iterator[bytes]:
+        """The bytes of rank 0, which alone has them, at every rank, part after part."""
+        ...
+
+
+def check_same(ranks: Shares, layout: Layout, machines: Sequence[str]) -> list[str]:
     """Compare files with those of the head, together with all other ranks; `machines`: their names, by rank.
 
-    Raises ConfigError at the head, which names what differs and where; SystemExit at the others.
+    Files of the scene that a machine lacks are written where they are looked for. Returns notes of these. Raises
+    ConfigError at the head, which names what differs and where; SystemExit at the others.
     """
-    prints = [json.loads(text) for text in ranks.allgather(json.dumps(fingerprints(layout)))]
+    notes: list[str] = []
+    before: dict[str, list[int]] = {}
+    while True:  # what was sent may name others
+        prints = [json.loads(text) for text in ranks.allgather(json.dumps(fingerprints(layout)))]
+        lacking = _lacking(prints, machines)
+        if not lacking or lacking == before or _differ(prints):
+            break
+        for name, targets in lacking.items():
+            _send(ranks, layout, name, targets)
+            whom = ", ".join(dict.fromkeys(machines[rank] for rank in targets))
+            notes.append(f"{name.removeprefix(FILE)} was sent to {whom}")
+        before = lacking
     found = differences(prints, machines)
     if found and ranks.rank != HEAD:
         raise SystemExit(2)
     if found:
         raise ConfigError("\n".join(found))
+    return notes
+
+
+def _differ(prints: Sequence[dict[str, str]]) -> bool:
+    """Whether anything is another one somewhere, so that nothing is to be sent before the refusal."""
+    return any(each.get(name) not in (None, MISSING, own) for name, own in prints[HEAD].items() for each in prints)
+
+
+def _lacking(prints: Sequence[dict[str, str]], machines: Sequence[str]) -> dict[str, list[int]]:
+    """Files that the head has: the first rank of each machine that lacks one."""
+    found: dict[str, list[int]] = {}
+    for name, own in prints[HEAD].items():
+        there: dict[str, int] = {}  # by machine, its first rank
+        for rank, each in enumerate(prints):
+            if each.get(name) == MISSING:
+                there.setdefault(machines[rank], rank)
+        if name.startswith(FILE) and own != MISSING and there:
+            found[name] = list(there.values())
+    return found
+
+
+def _send(ranks: Shares, layout: Layout, name: str, targets: Sequence[int]) -> None:
+    """Write a file of the head's at some ranks; where that cannot be it stays missing, which is said as before."""
+    path = layout.loaded.folder / name.removeprefix(FILE)
+    data = (_bytes_of(path) or b"") if ranks.rank == HEAD else None
+    file: IO[bytes] | None = None
+    if ranks.rank in targets:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = tempfile.NamedTemporaryFile(dir=path.parent, delete=False)  # noqa: SIM115  # closed below
+    whole = file is not None
+    for part in ranks.shared(data):  # all of it, whatever becomes of it: the others wait
+        try:
+            if file is not None and whole:
+                file.write(part)
+        except OSError:
+            whole = False
+    if file is not None:
+        with suppress(OSError):
+            file.close()
+            os.chmod(file.name, 0o644)
+            os.replace(file.name, path) if whole else os.unlink(file.name)
 
 
 def differences(prints: Sequence[dict[str, str]], machines: Sequence[str], who: Sequence[str] = ()) -> list[str]:
@@ -91,9 +161,12 @@ def fingerprints(layout: Layout) -> dict[str, str]:
     for name in files:
         path = loaded.folder / name
         content = _bytes_of(path)
-        prints[f"file {_named(path, loaded.folder)}"] = _print_of(content)
+        prints[f"{FILE}{_named(path, loaded.folder)}"] = _print_of(content)
         for each in _named_in(path, content):
-            prints[f"file {_named(each, loaded.folder)}"] = _print_of(_bytes_of(each))
+            more = _bytes_of(each)
+            prints[f"{FILE}{_named(each, loaded.folder)}"] = _print_of(more)
+            for image in _named_in(each, more):
+                prints[f"{FILE}{_named(image, loaded.folder)}"] = _print_of(_bytes_of(image))
     return prints
 
 
@@ -131,11 +204,13 @@ def _print_of(data: bytes | None) -> str:
 
 
 def _named_in(path: Path, data: bytes | None) -> list[Path]:
-    """The files that a .gltf, an .obj or an .mhd names; none of one that makes no sense, which is said elsewhere."""
+    """The files that a .gltf, .obj, .mtl or .mhd names; none of one that makes no sense, which is said elsewhere."""
     suffix, text = path.suffix.lower(), (data or b"").decode("utf-8-sig", "replace")
     if suffix == ".obj":
         words = (line.split(None, 1) for line in text.splitlines() if line.startswith("mtllib "))
         return [path.parent / both[1].strip() for both in words if len(both) == 2]
+    if suffix == ".mtl":
+        return [path.parent / options_of(words.split())[1] for words in MAPS.findall(text)]
     if suffix == ".mhd":
         return [path.parent / name for name in files_of_header(text)]
     try:

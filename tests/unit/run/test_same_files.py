@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,21 +24,28 @@ COW = "mtllib skin.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
 class Ranks:
-    """The head's side of a launch in which each rank says what it has."""
+    """A rank's side of a launch in which each says what it has; what the head sends comes in two parts."""
 
-    def __init__(self, *layouts: Layout, rank: int = 0) -> None:
-        self._layouts, self.rank = layouts, rank
+    def __init__(self, *layouts: Layout, rank: int = 0, sent: tuple[bytes, ...] = ()) -> None:
+        self._layouts, self.rank, self._sent = layouts, rank, list(sent)
+        self.files = list[bytes]()  # that the head has sent
 
     def allgather(self, text: str) -> list[str]:
         said = [json.dumps(fingerprints(layout)) for layout in self._layouts]
         assert said[self.rank] == text
         return said
 
+    def shared(self, data: bytes | None) -> Iterator[bytes]:
+        whole = self._sent.pop(0) if data is None else data
+        self.files.append(whole)
+        yield from (whole[:7], whole[7:])
 
-def on_host(folder: Path, text: str = TEXT, *, skin: str | None = "newmtl skin\n") -> Layout:
+
+def on_host(folder: Path, text: str = TEXT, *, skin: str | None = "newmtl skin\n", cow: str | None = COW) -> Layout:
     """The layout of a host whose files are these."""
     folder.mkdir()
-    (folder / "cow.obj").write_text(COW)
+    if cow is not None:
+        (folder / "cow.obj").write_text(cow)
     if skin is not None:
         (folder / "skin.mtl").write_text(skin)
     return make_layout(loads(text, name="wall.yaml", path=folder / "wall.yaml"))
@@ -57,12 +65,49 @@ def test_files_that_differ_are_named_with_the_host_once_and_other_ranks_end_with
         check_same(Ranks(*layouts), own, machines)
     with pytest.raises(SystemExit):
         check_same(Ranks(*layouts, rank=4), bare, machines)
+    assert not (tmp_path / "d/skin.mtl").exists(), "nothing is sent before a refusal"
 
     there = "on node1 (rank 0) it is another one; wanted: the same on all hosts"
     assert str(refused.value).splitlines() == [
         f"configuration wall.yaml: differs on node2 (rank 2); {there}",
         f"file skin.mtl: differs on node2 (rank 2), is missing on node3 (rank 4); {there}",
     ]
+
+
+def test_what_a_host_lacks_is_sent_there_once_with_what_it_names(tmp_path: Path) -> None:
+    skin = "newmtl skin\nmap_Kd -s 1 1 1 hide.png\n"
+    head = on_host(tmp_path / "a", skin=skin)
+    (tmp_path / "a/hide.png").write_bytes(b"an image")
+    other, beside = (on_host(tmp_path / name, skin=None, cow=None) for name in "bc")
+    (tmp_path / "c").rmdir()
+    (tmp_path / "c").symlink_to(tmp_path / "b")  # another rank of that host
+    sent = (COW.encode(), skin.encode(), b"an image")
+    machines = ["node1", "node2", "node2"]
+
+    notes = check_same(Ranks(head, other, beside, rank=1, sent=sent), other, machines)
+
+    assert notes == ["cow.obj was sent to node2", "skin.mtl was sent to node2", "hide.png was sent to node2"]
+    assert [(tmp_path / "b" / name).read_bytes() for name in ("cow.obj", "skin.mtl", "hide.png")] == list(sent)
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == ["cow.obj", "hide.png", "skin.mtl"]
+
+
+def test_the_head_sends_what_others_lack_and_refuses_what_stays_missing(tmp_path: Path) -> None:
+    head, other = on_host(tmp_path / "a"), on_host(tmp_path / "b", skin=None)
+    ranks = Ranks(head, other)
+    with pytest.raises(ConfigError, match=r"skin\.mtl: is missing on node2 \(rank 1\); on node1 .* there is one"):
+        check_same(ranks, head, ["node1", "node2"])
+    assert ranks.files == [b"newmtl skin\n"], "once"
+
+
+def test_what_cannot_be_written_is_taken_in_nevertheless(tmp_path: Path) -> None:
+    """Or all other ranks would wait for this one."""
+    head, other = on_host(tmp_path / "a"), on_host(tmp_path / "b", skin=None)
+    (tmp_path / "b").rename(tmp_path / "gone")
+    (tmp_path / "b").write_text("a file in the folder's place")
+    ranks = Ranks(head, other, rank=1, sent=(COW.encode(), b"newmtl skin\n") * 2)
+    with pytest.raises(SystemExit):
+        check_same(ranks, other, ["node1", "node2"])
+    assert ranks.files == [COW.encode()], "once"
 
 
 def test_another_program_is_another_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
