@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mutated_bytes import mutated
 from packet_examples import CHECKSUM_AT, batch_of, check_sane, plain_samples, relightable_samples, resealed
 
 from wall.core.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, StatisticsImage
@@ -90,22 +91,6 @@ def resealed_control(data: bytes) -> bytes:
     plain = data[5:6] == bytes([KIND_FRAMELET]) and is_plain(body[: HEAD.size])
     covered = body[: HEAD.size] if plain else body
     return head + struct.pack("<I", zlib.crc32(covered, zlib.crc32(head))) + body
-
-
-def mutated(rng: np.random.Generator, data: bytes) -> bytes:
-    """A few bytes changed, cut, doubled or inserted."""
-    changed = bytearray(data)
-    for _ in range(rng.integers(1, 5)):
-        at, what = int(rng.integers(0, len(changed) + 1)), rng.integers(0, 4)
-        if what == 0 and at < len(changed):
-            changed[at] = rng.choice([0, 1, 127, 128, 255, int(rng.integers(0, 256))])
-        elif what == 1:
-            changed[at : at + int(rng.integers(1, 9))] = b""
-        elif what == 2:
-            changed[at:at] = rng.bytes(int(rng.integers(1, 9)))
-        else:
-            changed[at:at] = changed[at : at + int(rng.integers(1, 17))]
-    return bytes(changed)
 
 
 def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:

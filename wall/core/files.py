@@ -8,6 +8,8 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
+SMALLEST_READ = 1 << 16  # bytes; some files of the kernel say that they have none
+
 
 def open_file(path: Path) -> BinaryIO:
     """Open a file to read it. Raises OSError, also for what is no regular file."""
@@ -23,8 +25,13 @@ def open_file(path: Path) -> BinaryIO:
 
 def read_file(path: Path, most_bytes: int) -> bytes:
     """The bytes of a file. Raises OSError, also for what is no regular file and for one of more than `most_bytes`."""
+    parts, left = list[bytes](), most_bytes + 1
     with open_file(path) as file:
-        data = file.read(most_bytes + 1)
+        step = max(os.fstat(file.fileno()).st_size + 1, SMALLEST_READ)  # a read of so many bytes first takes them all
+        while left and (part := file.read(min(step, left))):
+            parts.append(part)
+            left -= len(part)
+    data = b"".join(parts)
     if len(data) > most_bytes:
         raise OSError(errno.EFBIG, f"it has more than {most_bytes} bytes", str(path))
     return data

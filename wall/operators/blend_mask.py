@@ -65,6 +65,8 @@ def read_mask(path: Path) -> Float32:
         raise ConfigError(f"{path}: there is no such file") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise ConfigError(f"{path}: cannot be read as a PNG, {error}") from error
+    except MemoryError as error:
+        raise ConfigError(f"{path}: has more pixels than there is memory for") from error
 
 
 def mask_values(file: BinaryIO) -> Float32:

@@ -43,6 +43,8 @@ def read_image(path: Path) -> ImageFile:
         return readers[path.suffix.lower()](path)
     except (OSError, ValueError, SyntaxError, RuntimeError, Image.DecompressionBombError) as error:
         raise ConfigError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {error}") from error
+    except MemoryError as error:
+        raise ConfigError(f"{path}: has more pixels than there is memory for") from error
 
 
 def _read_png(path: Path) -> ImageFile:

@@ -154,7 +154,7 @@ def _codes_of(path: Path) -> Codes:
             return np.asarray(image.convert("RGBA"))
     except FileNotFoundError:
         raise ConfigError(f"{path}: there is no such tile") from None
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, MemoryError) as error:
         raise ConfigError(f"{path}: cannot be read as a tile ({error})") from error
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 from collections.abc import Callable
 from pathlib import Path
 
@@ -27,6 +28,18 @@ def test_as_many_bytes_are_read_as_are_allowed(tmp_path: Path) -> None:
     assert read_file(path, 5) == b"12345"
     with pytest.raises(OSError, match="more than 4 bytes"):
         read_file(path, 4)
+
+
+def test_no_more_memory_is_taken_than_a_file_needs(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(bytes(1000))
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (1 << 26), hard))
+    try:
+        assert read_file(tmp_path / "file", 1 << 32) == bytes(1000)
+        assert b"VmPeak" in read_file(Path("/proc/self/status"), 1 << 32)
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 @pytest.mark.parametrize("read", [read_lut, read_mesh, load, read_mask, size_of, opened, read_descriptor])
