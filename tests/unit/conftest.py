@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import pytest
 
 from wall.scene import loading, sources
+from wall.scene.data import loading as data_loading
 
 
 @pytest.fixture(autouse=True, scope="session")
-def models_are_read_here() -> Iterator[None]:
+def files_are_read_here() -> Iterator[None]:
     """Not by a process of their own, which takes a second of each test; test_model_files.py is about that."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
@@ -19,4 +20,5 @@ def models_are_read_here() -> Iterator[None]:
                 loading.load(path, up, textures_given=textures_given) for path in paths
             ],
         )  # fmt: skip
+        patch.setattr(data_loading, "OTHERS", frozenset())
         yield

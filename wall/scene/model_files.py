@@ -1,7 +1,7 @@
-"""Models from files, read by a process of their own: parsers are others' code, so time and memory have limits.
+"""Models and data from files, read by a process of their own: their parsers are others' code, and get limits.
 
-`python -m wall.scene.model_files DESCRIPTOR PARENT` is that process. It imports what reads models, which others then do
-without, and ends when all are read.
+`python -m wall.scene.model_files DESCRIPTOR PARENT` is that process. It imports what reads the files, which others then
+do without, and ends when all are read.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from wall.core.errors import SceneError
 from wall.core.system import available_bytes, end_with_parent
@@ -35,39 +36,43 @@ SHORTER = "wanted: fewer triangles, or fewer and smaller textures"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """A model that is to be read, and how much that may take."""
+    """A file that is to be read, by which function, and how much that may take."""
 
     path: Path
+    reader: tuple[str, str]  # module and name
+    arguments: tuple[Any, ...]
+    options: dict[str, Any] = field(default_factory=dict)
     seconds: float  # of processor time
     memory: int | None  # bytes; None: what is left is not told
-    up: Up
-    textures_given: bool
 
 
 def load_models(paths: Sequence[Path], up: Up = "auto", *, textures_given: bool = False) -> list[Source]:
     """Read model files, see loading.load. Raises SceneError, also for one that takes too long or too much memory."""
+    reader, options = ("wall.scene.loading", "load"), {"textures_given": textures_given}
+    return read([request(path, reader, path, up, **options) for path in paths])
+
+
+def request(path: Path, reader: tuple[str, str], *arguments: Any, **options: Any) -> Request:
+    """A request for a file with the usual limits. `reader`: module and name of a function of these arguments."""
     memory = available_bytes()
-    return read([
-        Request(
-            path=path, seconds=seconds_for(path), up=up, textures_given=textures_given,
-            memory=None if memory is None else max(LEAST_BYTES, memory),
-        )
-        for path in paths
-    ])  # fmt: skip
+    return Request(
+        path=path, reader=reader, arguments=arguments, options=options, seconds=seconds_for(path),
+        memory=None if memory is None else max(LEAST_BYTES, memory),
+    )  # fmt: skip
 
 
 def seconds_for(path: Path) -> float:
-    """The processor time that reading a model may take; of a .gltf, its buffers stand beside it."""
+    """The processor time that reading a file may take; of a .gltf, its buffers stand beside it."""
     files = path.parent.iterdir() if path.suffix.lower() == ".gltf" and path.parent.is_dir() else [path]
     return LEAST_S + S_PER_MB * sum(file.stat().st_size for file in files if file.is_file()) / 1e6
 
 
-def read(requests: Sequence[Request]) -> list[Source]:
-    """Read them one after the other in one process. Raises SceneError."""
+def read(requests: Sequence[Request]) -> list[Any]:
+    """Read them one after the other in one process. Returns what their readers do. Raises SceneError, as these do."""
     if not requests:
         return []
     reader, writer = os.pipe()
-    with open(reader, "rb") as sources:
+    with open(reader, "rb") as results:
         try:
             process = subprocess.Popen(
                 [sys.executable, "-m", __name__, str(writer), str(os.getpid())],
@@ -75,43 +80,43 @@ def read(requests: Sequence[Request]) -> list[Source]:
                 process_group=0,  # Ctrl-C is for those who end it
             )  # fmt: skip
         except OSError as error:
-            raise SceneError(f"{requests[0].path}: what reads models cannot be started: {error}") from error
+            raise SceneError(f"{requests[0].path}: what reads files cannot be started: {error}") from error
         finally:
             os.close(writer)
         limit = threading.Timer(LONGEST * sum(request.seconds for request in requests), process.kill)
         limit.daemon = True
         limit.start()
         try:
-            return _received(process, requests, sources)
+            return _received(process, requests, results)
         finally:
             limit.cancel()
             process.kill()
             process.wait()
 
 
-def _received(process: subprocess.Popen[bytes], requests: Sequence[Request], sources: BinaryIO) -> list[Source]:
-    found: list[Source] = []
+def _received(process: subprocess.Popen[bytes], requests: Sequence[Request], results: BinaryIO) -> list[Any]:
+    found: list[Any] = []
     assert process.stdin is not None
     try:
         with process.stdin:
             pickle.dump(requests, process.stdin)
         for _ in requests:
-            source = pickle.load(sources)
-            if isinstance(source, str):
-                raise SceneError(source)
-            found.append(source)
+            result = pickle.load(results)
+            if isinstance(result, str):
+                raise SceneError(result)
+            found.append(result)
     except (OSError, EOFError, pickle.UnpicklingError) as error:
         raise SceneError(_why(process, requests[len(found)])) from error
     return found
 
 
 def _why(process: subprocess.Popen[bytes], request: Request) -> str:
-    """What ended the process while it read a model."""
+    """What ended the process while it read a file."""
     code = process.wait()
     if code == -signal.SIGXCPU:
         return f"{request.path}: reading it takes more than {request.seconds:.0f} s of processor time; {SHORTER}"
     how = f"signal {-code}, {signal.strsignal(-code)}" if code < 0 else f"exit code {code}"
-    return f"{request.path}: cannot be read; what reads models ended with {how}"
+    return f"{request.path}: cannot be read; what reads it ended with {how}"
 
 
 def main(descriptor: int, parent: int) -> None:
@@ -119,25 +124,25 @@ def main(descriptor: int, parent: int) -> None:
     end_with_parent(signal.SIGKILL)
     if os.getppid() != parent:
         return
-    from wall.scene.loading import load
-
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     requests: list[Request] = pickle.load(sys.stdin.buffer)
-    with open(descriptor, "wb") as sources:
+    with open(descriptor, "wb") as results:
         for request in requests:
+            module, name = request.reader
+            reader = getattr(import_module(module), name)
             _limit(resource.RLIMIT_CPU, round(time.process_time() + request.seconds))
             if request.memory is not None:
                 pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
                 _limit(resource.RLIMIT_AS, pages * resource.getpagesize() + request.memory)
             try:
-                source: Source | str = load(request.path, request.up, textures_given=request.textures_given)
+                result = reader(*request.arguments, **request.options)
             except SceneError as error:
-                source = str(error)
+                result = str(error)
             except MemoryError:
                 left = f"{(request.memory or 0) / 1e9:.2f} GB"
-                source = f"{request.path}: reading it takes more than the {left} of memory that are left; {SHORTER}"
-            pickle.dump(source, sources, protocol=5)
-            sources.flush()
+                result = f"{request.path}: reading it takes more than the {left} of memory that are left; {SHORTER}"
+            pickle.dump(result, results, protocol=5)
+            results.flush()
 
 
 def _limit(what: int, most: int) -> None:

@@ -15,8 +15,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from wall.config.scene import SceneConfig
 from wall.core.errors import SceneError
 from wall.scene import loading
+from wall.scene.build import build
+from wall.scene.data import loading as data_loading
 from wall.scene.model_files import LEAST_S, S_PER_MB, Request, load_models, read, seconds_for
 
 WAIT_S = 20.0
@@ -41,7 +44,7 @@ def slow(folder: Path) -> Path:
 
 
 def request(path: Path, *, seconds: float = 60.0, memory: int | None = None) -> Request:
-    return Request(path=path, seconds=seconds, memory=memory, up="auto", textures_given=False)
+    return Request(path=path, reader=("wall.scene.loading", "load"), arguments=(path,), seconds=seconds, memory=memory)
 
 
 def test_models_are_what_they_are_without_a_process_of_their_own(tmp_path: Path) -> None:
@@ -92,9 +95,26 @@ def test_a_process_that_dies_is_told_of(tmp_path: Path) -> None:
     before, path = children_of(os.getpid()), slow(tmp_path)
     killer = threading.Thread(target=kill)
     killer.start()
-    with pytest.raises(SceneError, match=r"slow\.obj: cannot be read; what reads models ended with signal 9, Killed"):
+    with pytest.raises(SceneError, match=r"slow\.obj: cannot be read; what reads it ended with signal 9, Killed"):
         load_models([path])
     killer.join()
+
+
+def test_data_that_ends_a_reader_is_refused_and_ends_nobody_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """VTK ends its process where it gets no memory: an image of so many points is asked for by its header alone."""
+    pytest.importorskip("vtkmodules")
+    monkeypatch.setattr(data_loading, "OTHERS", frozenset({".vti"}))
+    path = tmp_path / "field.vti"
+    extent = "0 200000 0 200000 0 200000"
+    path.write_text(
+        f'<VTKFile type="ImageData"><ImageData WholeExtent="{extent}"><Piece Extent="{extent}"><PointData Scalars="a">'
+        '<DataArray type="Float32" Name="a" format="ascii">1 2 3</DataArray></PointData></Piece></ImageData></VTKFile>'
+    )
+    config = SceneConfig.model_validate({"data": [{"type": "isosurface", "file": path.name, "value": 1.0}]})
+    with pytest.raises(SceneError, match=r"field\.vti"):
+        build(config, tmp_path)
 
 
 def test_it_ends_with_its_parent(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,10 +15,14 @@ from wall.core.errors import SceneError
 from wall.scene.data.errors import NoSurfaceError
 from wall.scene.data.points import points_mesh
 from wall.scene.data.steps import Part, steps_of
+from wall.scene.data.vtk_files import READERS
 from wall.scene.model import Instance, Material, Mesh, Source
+from wall.scene.model_files import read, request
 from wall.scene.series import Series, StepMeshes
 from wall.scene.up import Y_FROM
 
+Meshes: TypeAlias = tuple[list[tuple[Mesh, float]], tuple[str, ...]]
+OTHERS = frozenset({*READERS, ".ply"})  # by VTK, and by trimesh
 NO_AREA = np.zeros((1, 3), np.uint32)  # a triangle of one corner, where a step has no surface
 PLAIN = (0.8, 0.8, 0.8)  # linear RGB where nothing says a colour
 
@@ -40,7 +45,7 @@ def _load(config: DataConfig, base_folder: Path, where: str) -> Source:
     name = config.name or (path.stem.replace("*", "").rstrip("_.-") if "*" in path.stem else path.stem) or "series"
     if config.series is not None:
         return _series(config, path, name, where)
-    found, notes = _meshes(config, Part(path=path), name, where)
+    found, notes = _meshes_apart(config, Part(path=path), name, where)
     instances = [_placed(config, name, k, unit) for k, (_, unit) in enumerate(found)]
     return _source(config, name, [mesh for mesh, _ in found], instances, notes)
 
@@ -49,7 +54,7 @@ def _series(config: DataConfig, path: Path, name: str, where: str) -> Source:
     """The steps of an entry, an instance each; the first is loaded, the others as the scene's time goes on."""
     assert config.series is not None
     steps = steps_of(config, config.series, path, where)
-    ((mesh, unit),), notes = _meshes(config, steps.parts[0], name, where)
+    ((mesh, unit),), notes = _meshes_apart(config, steps.parts[0], name, where)
     instances = [_placed(config, name, 0, unit) for _ in steps.parts]
     load = partial(_step, config, steps.parts, name, where, like=mesh, unit=unit)
     meshes = StepMeshes(load, len(steps.parts), loops=steps.period is not None)
@@ -62,7 +67,7 @@ def _step(
 ) -> Mesh:
     """The mesh of a step, in the frame and the unit of the first one, `like`. Raises SceneError."""
     try:
-        ((mesh, own_unit),), _ = _meshes(config, parts[step], name, where)
+        ((mesh, own_unit),), _ = meshes_of(config, parts[step], name, where)
     except NoSurfaceError:
         return replace(like, vertices=like.vertices[:3], triangles=NO_AREA, normals=None, colors=None)
     if like.colors is None and mesh.colors is not None:
@@ -87,7 +92,15 @@ def _in_frame(mesh: Mesh, scale: float, like: Mesh) -> Mesh:
     return replace(mesh, spheres=spheres, vertices=spheres[:, :3], origin=like.origin)
 
 
-def _meshes(config: DataConfig, part: Part, name: str, where: str) -> tuple[list[tuple[Mesh, float]], tuple[str, ...]]:
+def _meshes_apart(config: DataConfig, part: Part, name: str, where: str) -> Meshes:
+    """What meshes_of gives; files that others' code reads are read by a process of their own."""
+    if part.path.suffix.lower() not in OTHERS:
+        return meshes_of(config, part, name, where)
+    meshes: Meshes = read([request(part.path, (__name__, "meshes_of"), config, part, name, where)])[0]
+    return meshes
+
+
+def meshes_of(config: DataConfig, part: Part, name: str, where: str) -> Meshes:
     """Meshes, each with the unit that it is in, and notes."""
     if isinstance(config, PointsConfig | CurvesConfig):
         mesh, unit, notes = points_mesh(config, part.path, name, where, part.row)

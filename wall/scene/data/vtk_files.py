@@ -265,7 +265,7 @@ def _updated(algorithm: Any, path: Path) -> Any:
     said: list[str] = []
 
     def hear(_object: Any, _event: str, text: str) -> None:
-        said.append(" ".join(text.split()))
+        said.append(" ".join((text or "in words that are no UTF-8").split()))
 
     hear.CallDataType = "string0"  # type: ignore[attr-defined]
     algorithm.AddObserver("ErrorEvent", hear)
