@@ -9,7 +9,7 @@ from wall.core.system import available_bytes
 from wall.roles.memory import memory_on_host
 from wall.roles.plan import Plan, on_one_machine
 from wall.run.host_memory import GB, MB, SURELY, check_memory, parts_of, ranks_here, too_much
-from wall.run.usage import memory, usage
+from wall.run.usage import memory, peak_of_children, usage
 
 
 def memory_lines(plan: Plan) -> Iterator[str]:
@@ -17,7 +17,8 @@ def memory_lines(plan: Plan) -> Iterator[str]:
 
     Raises ConfigError where a single rank that may come here needs more than is left.
     """
-    loading, host, left = usage().peak_memory, socket.gethostname(), available_bytes()
+    loading = max(usage().peak_memory, memory() + peak_of_children())  # one that read models and data for this one
+    host, left = socket.gethostname(), available_bytes()
     left = None if left is None else left + memory()  # what this process has loaded is counted in what ranks need
     one = on_one_machine(plan)
     ranks = range(plan.layout.size)
@@ -31,7 +32,7 @@ def memory_lines(plan: Plan) -> Iterator[str]:
         f"itself rank {largest.rank} needs the most, {alone.total / GB:.2f} GB{here}"
     )
     if loading > alone.total:
-        yield f"memory: loading the scene took {loading / GB:.2f} GB for a while, of each process that loads it"
+        yield f"memory: loading the scene took {loading / GB:.2f} GB for a while, for each process that loads it"
     for rank in ranks_here(plan.layout, host):
         check_memory(one, [rank], forked=False, available=left, host="this machine")
     if left is not None and needed.total > left:

@@ -29,6 +29,11 @@ def usage() -> Usage:
     return Usage(process=os.getpid(), memory=memory(), peak_memory=peak, cpu_seconds=_cpu_seconds(used))
 
 
+def peak_of_children() -> int:
+    """The most that one of the processes that this one started, and that have ended, has had; bytes."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+
+
 def nothing_used() -> Usage:
     """For ranks that are simulated: messages then have the same bytes each time."""
     return Usage()

@@ -99,11 +99,14 @@ def test_check_refuses_a_rank_that_fits_nowhere_and_notes_a_wall_that_needs_more
     monkeypatch.setattr("wall.commands.memory.available_bytes", lambda: alone - taken)
     monkeypatch.setattr("wall.commands.memory.memory", lambda: taken)
     monkeypatch.setattr("wall.commands.memory.usage", Usage)
+    monkeypatch.setattr("wall.commands.memory.peak_of_children", lambda: 0)
     line, note = memory_lines(plan)
     assert f"by itself rank 1 needs the most, {alone / GB:.2f} GB; {alone / GB:.1f} GB are left here" in line
     assert note.startswith("note: 5 ranks need")
     monkeypatch.setattr("wall.commands.memory.usage", lambda: Usage(peak_memory=2 * alone))
     assert list(memory_lines(plan))[1].startswith(f"memory: loading the scene took {2 * alone / GB:.2f} GB for a while")
+    monkeypatch.setattr("wall.commands.memory.peak_of_children", lambda: 3 * alone)
+    assert list(memory_lines(plan))[1].startswith(f"memory: loading the scene took {(3 * alone + taken) / GB:.2f} GB")
     monkeypatch.setattr("wall.commands.memory.available_bytes", lambda: int(alone / SURELY) - taken - 1)
     with pytest.raises(ConfigError, match=r"^w\.yaml: rank 1 needs .* of memory on this machine"):
         list(memory_lines(plan))
