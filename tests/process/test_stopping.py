@@ -133,6 +133,16 @@ def test_a_signal_while_ranks_are_being_forked_ends_the_run(
     assert "Traceback" not in run.stdout.read()
 
 
+def test_a_summary_that_cannot_be_written_is_one_line_and_the_images_are_there(tmp_path: Path) -> None:
+    (tmp_path / "out/summary.json").mkdir(parents=True)
+    run = wall("run", write_config(tmp_path), "--headless", "--seconds", 1, "--out", tmp_path / "out")
+    said = "".join((run.stdout + run.stderr).split())
+    assert run.returncode == 1
+    assert "out/summary.json:Isadirectory" in said
+    assert "Traceback" not in said
+    assert (tmp_path / "out/wall.png").exists()
+
+
 def test_run_of_some_seconds_ends_by_itself(tmp_path: Path) -> None:
     config = write_config(tmp_path, path=ORBIT)
 

@@ -381,11 +381,12 @@ ONE = "wall: {grid: {columns: 1, rows: 1, pixels: [8, 6], size: [0.8, 0.6]}}"
 
 
 def test_a_chain_of_nodes_may_be_as_long_as_it_likes() -> None:
-    chain = [f"id: n{k}, op: colour, input: {f'n{k - 1}' if k else 'p0'}" for k in range(600)]
+    """Longer than Python's recursion goes."""
+    chain = [f"id: n{k}, op: colour, input: {f'n{k - 1}' if k else 'p0'}" for k in range(1200)]
 
-    graph = built(nodes(*PANEL0, *chain, "id: png, op: sink, kind: png, input: n599"), wall=ONE)
+    graph = built(nodes(*PANEL0, *chain, "id: png, op: sink, kind: png, input: n1199"), wall=ONE)
 
-    assert len(graph.steps) == 602
+    assert len(graph.steps) == 1202
     assert not graph.layers[0].reprojects
 
 
