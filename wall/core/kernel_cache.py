@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 from uuid import uuid4
 
 import numba
@@ -31,7 +31,6 @@ from numba.core.runtime.nrt import rtsys
 
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
-LONGEST_TURN_S = 90.0  # for another process that compiles a kernel: the slowest takes 20 s of a core
 LONGEST_LOCK_S = 2.0  # of an index, held for milliseconds; without it a kernel may be lost, and compiled again
 STAMP = ""  # of all sources: the name of their folder says which they are
 DECORATORS = PACKAGE / "core" / "jit.py"  # how kernels are compiled
@@ -64,70 +63,13 @@ class KernelCache:
         """
         rtsys.initialize(target)
         with suppress(OSError):  # of a folder that another user made: it is compiled again
-            found = self._cache._load_overload(signature, target)
-            if found is None and self._in_turn.wait(self._place(signature)):
-                found = self._cache._load_overload(signature, target)
-                if found is not None:
-                    self._in_turn.end(self._place(signature))
-            return found
+            return self._cache._load_overload(signature, target)
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Save a kernel to a cache that others save to at this moment; where that cannot be, it is not kept."""
         with suppress(OSError):
             self._cache.save_overload(signature, compiled)
-        self._in_turn.end(self._place(signature))
-
-    @property
-    def _in_turn(self) -> InTurn:
-        return in_turn(Path(self.cache_path).parent)
-
-    def _place(self, signature: Any) -> int:
-        text = f"{self.cache_path} {self._function.__qualname__} {signature}"
-        return int.from_bytes(hashlib.sha256(text.encode()).digest()[:7])
-
-
-class InTurn:
-    """Lets one process at a time compile a kernel, while others that want it wait, and then load it.
-
-    Each kernel has a place in a file of locks: POSIX has them for bytes, also behind the end. They end with their
-    process, and are not inherited. A kernel waits for those alone that it calls, so none wait for each other.
-    """
-
-    def __init__(self, file: Path) -> None:
-        self._file: BinaryIO | None = None
-        with suppress(OSError):
-            file.parent.mkdir(parents=True, exist_ok=True)
-            self._file = file.open("ab")
-
-    def wait(self, place: int) -> bool:
-        """Have the turn, unless another process keeps it for LONGEST_TURN_S. Returns whether another one had it."""
-        if self._file is None:
-            return False
-        limit, waited = time.monotonic() + LONGEST_TURN_S, False
-        while time.monotonic() < limit:
-            try:
-                fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
-            except (BlockingIOError, PermissionError):
-                waited = True
-                time.sleep(0.02)
-            except OSError:  # this file system has no locks
-                break
-            else:
-                break
-        return waited
-
-    def end(self, place: int) -> None:
-        """Give the turn to others."""
-        if self._file is not None:
-            with suppress(OSError):
-                fcntl.lockf(self._file, fcntl.LOCK_UN, 1, place)
-
-
-@cache
-def in_turn(root: Path) -> InTurn:
-    """Of the caches below a folder: one, since a process that closes a file gives up all its locks of it."""
-    return InTurn(root / "compiling.lock")
 
 
 class _Locator(UserProvidedCacheLocator):
@@ -284,3 +226,5 @@ def _imports(path: Path) -> list[Path]:
         modules |= {module, *(f"{module}.{name}" for name in re.findall(r"\w+", names))}
     files = [PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py") for module in sorted(modules)]
     return [file for file in files if file.exists()]
+
+
