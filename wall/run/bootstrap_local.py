@@ -43,8 +43,8 @@ class LocalBootstrap:
     ) -> LocalBootstrap:
         """Fork ranks 1..size-1, each running `main`, and be rank 0. `again`: have a nursery. `encrypted`: have keys.
 
-        Forked processes inherit their keys. A rank that is started again has those of the one before. What would end
-        this process is to be held_back, or processes are forked without it that nobody ends.
+        Forked processes inherit their keys. A rank that is started again has those of the one before. Call it
+        while signals are held_back: one that comes amid the forks must find them all, to end them.
         """
         keys: list[Keys] | list[None] = Keys.of_all(size) if encrypted else [None] * size
         for stream in filter(None, (sys.stdout, sys.stderr)):  # None: closed when this process was started

@@ -23,7 +23,10 @@ _LOOK_S = 0.01
 
 @contextlib.contextmanager
 def held_back() -> Iterator[None]:
-    """While inside, what would end the run waits; processes that are forked begin so."""
+    """While inside, what would end the run waits; processes that are forked begin so.
+
+    For a process without threads, which would take the signals.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, REASONS)
     try:
         yield

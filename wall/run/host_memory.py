@@ -45,11 +45,16 @@ def check_started(plan: Plan, ranks: Sequence[int], *, forked: bool, host: str) 
     check_memory(plan, ranks, forked=forked, available=None if left is None else left + taken, host=host)
 
 
-def check_next(plan: Plan, machines: Sequence[str]) -> None:
+def check_next(plan: Plan, machines: Sequence[str], left: int | None) -> None:
     """Refuse a configuration that a running wall is to adopt: both need memory until then, and each rank has a scene
-    of its own. `machines`: of every rank, "" all here. Raises ConfigError.
+    of its own.
+
+    machines : of every rank, "" all here
+    left : available_bytes before any rank had loaded the scene
+
+    Raises ConfigError.
     """
-    host, left = socket.gethostname(), available_bytes()
+    host = socket.gethostname()
     ranks = [rank for rank, machine in enumerate(machines) if machine in ("", host)]
     if left is not None and ranks:
         running = memory_on_host(plan, ranks, forked=False).programs

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import Any, Protocol
 
 from wall.config.loading import dump
 from wall.config.scene_data import DataConfig, SeriesConfig
@@ -27,13 +27,13 @@ from wall.scene.data.steps import steps_of
 from wall.scene.data.vtk_files import files_of_header
 from wall.scene.gltf import MOST_BYTES
 from wall.scene.materials import texture_of
-from wall.scene.mtl import options_of
+from wall.scene.mtl import DRAWN_MAPS, options_of
 from wall.scene.sources import BUILT_IN, sources_of
 
 PROGRAM = Path(__file__).parents[1]
 MISSING = "missing"
 FILE = "file "  # before the name of one of the scene's
-MAPS = re.compile(r"^[ \t]*(?:map_\w+|norm|bump|disp)[ \t]+(\S.*?)\s*$", re.MULTILINE | re.IGNORECASE)
+MAPS = re.compile(rf"^[ \t]*(?:map_Kd|{'|'.join(DRAWN_MAPS)})[ \t]+(\S.*?)\s*$", re.MULTILINE | re.IGNORECASE)
 
 
 class Gathers(Protocol):
@@ -99,26 +99,58 @@ def _lacking(prints: Sequence[dict[str, str]], machines: Sequence[str]) -> dict[
 
 
 def _send(ranks: Shares, layout: Layout, name: str, targets: Sequence[int]) -> None:
-    """Write a file of the head's at some ranks; where that cannot be it stays missing, which is said as before."""
-    path = layout.loaded.folder / name.removeprefix(FILE)
+    """Write a file of the head's at some ranks, in no other one's place; where that fails it stays missing."""
+    path = (layout.loaded.folder / name.removeprefix(FILE)).resolve()
     data = (_bytes_of(path) or b"") if ranks.rank == HEAD else None
-    file: IO[bytes] | None = None
-    if ranks.rank in targets:
-        with suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            file = tempfile.NamedTemporaryFile(dir=path.parent, delete=False)  # noqa: SIM115  # closed below
-    whole = file is not None
-    for part in ranks.shared(data):  # all of it, whatever becomes of it: the others wait
+    part = _new_file_beside(path) if ranks.rank in targets else None
+    for piece in ranks.shared(data):  # all of it, whatever becomes of it: the others wait
+        if part is not None and not part.write(piece):
+            part.drop()
+            part = None
+    if part is not None:
+        part.keep()
+
+
+class _NewFile:
+    """A file beside the place that it is for."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises OSError."""
+        self._path = path
+        self._file = tempfile.NamedTemporaryFile(dir=path.parent, delete=False)  # noqa: SIM115  # closed below
+
+    def write(self, data: bytes) -> bool:
+        """Whether that was possible."""
         try:
-            if file is not None and whole:
-                file.write(part)
+            self._file.write(data)
+            self._file.flush()
         except OSError:
-            whole = False
-    if file is not None:
+            return False
+        return True
+
+    def keep(self) -> None:
+        """Give it its name, unless there is a file of that name by now."""
         with suppress(OSError):
-            file.close()
-            os.chmod(file.name, 0o644)
-            os.replace(file.name, path) if whole else os.unlink(file.name)
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(self._file.name, 0o666 & ~mask)
+            os.link(self._file.name, self._path)
+        self.drop()
+
+    def drop(self) -> None:
+        """Leave nothing of it."""
+        with suppress(OSError):
+            self._file.close()
+        with suppress(OSError):
+            os.unlink(self._file.name)
+
+
+def _new_file_beside(path: Path) -> _NewFile | None:
+    """None where there can be none."""
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return _NewFile(path)
+    return None
 
 
 def differences(prints: Sequence[dict[str, str]], machines: Sequence[str], who: Sequence[str] = ()) -> list[str]:
@@ -195,7 +227,7 @@ def _bytes_of(path: Path) -> bytes | None:
     """None for a file that cannot be read, which is said elsewhere."""
     try:
         return read_file(path, MOST_BYTES)
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a name with a NUL
         return None
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from wall.config.loading import loads, read_text
 from wall.core.errors import ConfigError, RunError, WallError
+from wall.core.system import available_bytes
 from wall.packets.control import Adopt, Prepare, Prepared
 from wall.roles.instructions import Changed, PlanMade, Role
 from wall.roles.joining import grown
@@ -58,7 +59,7 @@ class Preparer:
     def _make(self, wanted: Prepare) -> None:
         plan: Plan | None = None
         scene: TracerScene | None = None
-        refused = ""
+        refused, left = "", available_bytes()  # all ranks are asked at once
         try:
             loaded = loads(wanted.text, name=wanted.path, path=Path(wanted.path))
             layout = make_layout(as_run(self._plan.layout, loaded))
@@ -66,7 +67,7 @@ class Preparer:
             check_files(layout)
             layout = grown(reconstructed_at_renderers(layout, self.machines), self._plan.layout.extra)
             plan = replace(make_plan(layout), number=wanted.number, cores=self._plan.cores)
-            check_next(plan, self.machines)
+            check_next(plan, self.machines, left)
             scene = make_tracer_scene(plan.scene)
             warm_up(plan, scene, lambda line: None, beside=True)
         except WallError as error:

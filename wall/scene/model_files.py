@@ -6,6 +6,7 @@ do without, and ends when all are read.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pickle
 import resource
@@ -15,6 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -29,7 +31,8 @@ if TYPE_CHECKING:
 
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 LEAST_S, S_PER_MB = 60.0, 2.0  # of processor time: ten times what a mesh of 328,000 triangles takes in these formats
-LONGEST = 20.0  # times that, until a process that gets no core is given up
+MOST_TIMES = 20.0  # as long, until a process that gets no core is given up
+END_S = 2.0  # for a process that has closed its end
 LEAST_BYTES = 1 << 28  # of memory, however little is left
 SHORTER = "wanted: fewer triangles, or fewer and smaller textures"
 
@@ -63,40 +66,58 @@ def request(path: Path, reader: tuple[str, str], *arguments: Any, **options: Any
 
 def seconds_for(path: Path) -> float:
     """The processor time that reading a file may take; of a .gltf, its buffers stand beside it."""
-    files = path.parent.iterdir() if path.suffix.lower() == ".gltf" and path.parent.is_dir() else [path]
-    return LEAST_S + S_PER_MB * sum(file.stat().st_size for file in files if file.is_file()) / 1e6
+    try:
+        files = path.parent.iterdir() if path.suffix.lower() == ".gltf" else [path]
+        return LEAST_S + S_PER_MB * sum(file.stat().st_size for file in files if file.is_file()) / 1e6
+    except OSError:  # which who reads it says in its own words
+        return LEAST_S
 
 
 def read(requests: Sequence[Request]) -> list[Any]:
     """Read them one after the other in one process. Returns what their readers do. Raises SceneError, as these do."""
     if not requests:
         return []
-    reader, writer = os.pipe()
+    reader, writer = (_above_standard(end) for end in os.pipe())
     with open(reader, "rb") as results:
         try:
             process = subprocess.Popen(
-                [sys.executable, "-m", __name__, str(writer), str(os.getpid())],
-                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, pass_fds=(writer,),
-                process_group=0,  # Ctrl-C is for those who end it
+                [sys.executable, "-P", "-m", __name__, str(writer), str(os.getpid())],  # -P: not what lies here
+                env={**os.environ, "PYTHONPATH": _python_path()}, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+                pass_fds=(writer,), process_group=0,  # Ctrl-C is for those who end it
             )  # fmt: skip
         except OSError as error:
             raise SceneError(f"{requests[0].path}: what reads files cannot be started: {error}") from error
         finally:
             os.close(writer)
-        limit = threading.Timer(LONGEST * sum(request.seconds for request in requests), process.kill)
+        patience = MOST_TIMES * sum(each.seconds for each in requests)
+        limit = threading.Timer(patience, process.kill)
         limit.daemon = True
         limit.start()
         try:
             return _received(process, requests, results)
         finally:
             limit.cancel()
+            limit.join()  # who forks next has no thread
             process.kill()
             process.wait()
+
+
+def _above_standard(descriptor: int) -> int:
+    """The same pipe under a number that is none of a standard stream's, which may be closed."""
+    above = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3)
+    os.close(descriptor)
+    return above
+
+
+def _python_path() -> str:
+    """Where this program is found, whatever it was started by."""
+    return os.pathsep.join(filter(None, [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH")]))
 
 
 def _received(process: subprocess.Popen[bytes], requests: Sequence[Request], results: BinaryIO) -> list[Any]:
     found: list[Any] = []
     assert process.stdin is not None
+    began = time.monotonic()
     try:
         with process.stdin:
             pickle.dump(requests, process.stdin)
@@ -106,17 +127,20 @@ def _received(process: subprocess.Popen[bytes], requests: Sequence[Request], res
                 raise SceneError(result)
             found.append(result)
     except (OSError, EOFError, pickle.UnpicklingError) as error:
-        raise SceneError(_why(process, requests[len(found)])) from error
+        raise SceneError(_why(process, requests[len(found)], time.monotonic() - began)) from error
     return found
 
 
-def _why(process: subprocess.Popen[bytes], request: Request) -> str:
-    """What ended the process while it read a file."""
+def _why(process: subprocess.Popen[bytes], request: Request, seconds: float) -> str:
+    """What ended the process while it read a file, after so long in all."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(END_S)
+    process.kill()
     code = process.wait()
     if code == -signal.SIGXCPU:
         return f"{request.path}: reading it takes more than {request.seconds:.0f} s of processor time; {SHORTER}"
     how = f"signal {-code}, {signal.strsignal(-code)}" if code < 0 else f"exit code {code}"
-    return f"{request.path}: cannot be read; what reads it ended with {how}"
+    return f"{request.path}: cannot be read; what reads it ended with {how} after {seconds:.0f} s"
 
 
 def main(descriptor: int, parent: int) -> None:
@@ -141,7 +165,10 @@ def main(descriptor: int, parent: int) -> None:
             except MemoryError:
                 left = f"{(request.memory or 0) / 1e9:.2f} GB"
                 result = f"{request.path}: reading it takes more than the {left} of memory that are left; {SHORTER}"
-            pickle.dump(result, results, protocol=5)
+            try:
+                pickle.dump(result, results, protocol=5)
+            except MemoryError:
+                sys.exit(f"{request.path}: no memory is left to hand it over")
             results.flush()
 
 

@@ -196,7 +196,8 @@ def _environment(environment: Environment) -> Iterator[Parameter]:
 
 
 def _objects(scene: Scene) -> Iterator[Parameter]:
-    """All objects of a name are one. Emitters on paths keep their size: they are sampled as light by their areas."""
+    """All objects of a name are one. Emitters on paths can be neither hidden nor scaled: they are sampled as light, by
+    their areas at rest."""
     shine = {k for k, material in enumerate(scene.materials) if scene.path_depth and max(material.emission) > 0.0}
     found = [instance for instance in scene.instances if scene.meshes[instance.mesh].material in shine]
     lamps = {name for instance in found for name in (instance.name, *instance.parents)}

@@ -15,7 +15,7 @@ from wall.core.errors import ConfigError, RunError
 from wall.core.system import available_bytes
 from wall.roles.memory import memory_on_host
 from wall.roles.plan import Plan, make_layout, make_plan, on_one_machine
-from wall.run import host_memory, launch
+from wall.run import host_memory, launch, succession
 from wall.run.host_memory import SURELY, check_memory, ranks_here
 from wall.run.succession import Preparer
 from wall.run.usage import Usage
@@ -123,11 +123,11 @@ def test_a_run_that_needs_too_much_ends_before_it_takes_any(monkeypatch: pytest.
 
 def test_what_a_running_wall_has_no_memory_for_is_not_adopted(monkeypatch: pytest.MonkeyPatch) -> None:
     plan, text = plan_of(), TEXT.format(columns=1)
-    monkeypatch.setattr(host_memory, "available_bytes", lambda: GB // 4)
+    monkeypatch.setattr(succession, "available_bytes", lambda: GB // 4)
     with pytest.raises(RunError, match=r"2 ranks need .* GB of memory on .* for images, and .* are left there; wanted"):
         Preparer(plan, ["", ""]).make(1, text, "w.yaml")
     elsewhere = Preparer(plan, ["another", "another"]).make(1, text, "w.yaml")
-    monkeypatch.setattr(host_memory, "available_bytes", lambda: 4 * GB)
+    monkeypatch.setattr(succession, "available_bytes", lambda: 4 * GB)
     assert Preparer(plan, ["", ""]).make(1, text, "w.yaml")[0].number == elsewhere[0].number == 1
 
 

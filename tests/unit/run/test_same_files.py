@@ -99,6 +99,22 @@ def test_the_head_sends_what_others_lack_and_refuses_what_stays_missing(tmp_path
     assert ranks.files == [b"newmtl skin\n"], "once"
 
 
+def test_what_is_there_and_cannot_be_read_is_not_replaced(tmp_path: Path) -> None:
+    """A link to a file that this machine lacks is not its folder's to change."""
+    head, other = on_host(tmp_path / "a"), on_host(tmp_path / "b", skin=None)
+    (tmp_path / "b/skin.mtl").symlink_to(tmp_path / "elsewhere/skin.mtl")
+    (tmp_path / "elsewhere").write_text("no folder")
+    with pytest.raises(SystemExit):
+        check_same(Ranks(head, other, rank=1, sent=(b"newmtl skin\n",)), other, ["node1", "node2"])
+    assert (tmp_path / "b/skin.mtl").is_symlink()
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == ["cow.obj", "skin.mtl"]
+
+
+def test_names_that_no_file_can_have_are_missing(tmp_path: Path) -> None:
+    layout = on_host(tmp_path / "a", skin="newmtl skin\nmap_Kd a\0b.png\n")
+    assert fingerprints(layout)["file a\0b.png"] == same_files.MISSING
+
+
 def test_what_cannot_be_written_is_taken_in_nevertheless(tmp_path: Path) -> None:
     """Or all other ranks would wait for this one."""
     head, other = on_host(tmp_path / "a"), on_host(tmp_path / "b", skin=None)

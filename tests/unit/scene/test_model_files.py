@@ -23,6 +23,7 @@ from wall.scene.data import loading as data_loading
 from wall.scene.model_files import LEAST_S, S_PER_MB, Request, load_models, read, seconds_for
 
 WAIT_S = 20.0
+END_S = 10.0  # at once, on a busy machine
 
 
 def children_of(pid: int) -> set[int]:
@@ -36,10 +37,10 @@ def ball(folder: Path, name: str = "ball.obj", subdivisions: int = 2) -> Path:
 
 
 def slow(folder: Path) -> Path:
-    """A model that takes some ten seconds: 30,000 objects of one triangle."""
+    """A model that takes a minute: 200,000 objects of one triangle."""
     triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n"
     path = folder / "slow.obj"
-    path.write_text("".join(f"o part{k}\n{triangle}" for k in range(30_000)), encoding="utf-8")
+    path.write_text("".join(f"o part{k}\n{triangle}" for k in range(200_000)), encoding="utf-8")
     return path
 
 
@@ -95,7 +96,7 @@ def test_a_process_that_dies_is_told_of(tmp_path: Path) -> None:
     before, path = children_of(os.getpid()), slow(tmp_path)
     killer = threading.Thread(target=kill)
     killer.start()
-    with pytest.raises(SceneError, match=r"slow\.obj: cannot be read; what reads it ended with signal 9, Killed"):
+    with pytest.raises(SceneError, match=r"slow\.obj: cannot be read; what reads it ended with signal 9, Killed after"):
         load_models([path])
     killer.join()
 
@@ -113,8 +114,24 @@ def test_data_that_ends_a_reader_is_refused_and_ends_nobody_else(
         '<DataArray type="Float32" Name="a" format="ascii">1 2 3</DataArray></PointData></Piece></ImageData></VTKFile>'
     )
     config = SceneConfig.model_validate({"data": [{"type": "isosurface", "file": path.name, "value": 1.0}]})
-    with pytest.raises(SceneError, match=r"field\.vti"):
+    with pytest.raises(SceneError, match=r"field\.vti: (cannot be read; what reads it ended|.*memory)"):
         build(config, tmp_path)
+
+
+def test_what_lies_in_the_current_folder_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = ball(tmp_path)
+    for name in ("trimesh.py", "random.py", "wall.py"):
+        (tmp_path / name).write_text("raise SystemExit('this file is not meant')")
+    monkeypatch.chdir(tmp_path)
+    assert load_models([path])[0].meshes
+
+
+def test_it_reads_where_standard_streams_are_closed(tmp_path: Path) -> None:
+    code = "import sys; from pathlib import Path; from wall.scene.model_files import load_models; "
+    code += "Path(sys.argv[2]).write_text(str(len(load_models([Path(sys.argv[1])]))))"
+    command = ["sh", "-c", 'exec "$0" -c "$1" "$2" "$3" <&- >&-', sys.executable, code]
+    subprocess.run([*command, str(ball(tmp_path)), str(tmp_path / "found")], timeout=60, check=True)
+    assert (tmp_path / "found").read_text() == "1"
 
 
 def test_it_ends_with_its_parent(tmp_path: Path) -> None:
@@ -129,6 +146,7 @@ def test_it_ends_with_its_parent(tmp_path: Path) -> None:
     parent.wait()
 
     assert found
+    end = time.monotonic() + END_S
     while any(Path(f"/proc/{pid}/cmdline").exists() and running(pid) for pid in found):
         assert time.monotonic() < end, f"{found} goes on"
         time.sleep(0.05)

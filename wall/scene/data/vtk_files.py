@@ -79,8 +79,11 @@ def read_data_set(path: Path) -> Any:
 
 def _check_named(path: Path) -> None:
     """Refuse a header whose numbers are in a pipe or a device, for which VTK would wait."""
-    with open_file(path) as file:
-        header = file.read(LONGEST_HEADER).decode("utf-8-sig", "replace")
+    try:
+        with open_file(path) as file:
+            header = file.read(LONGEST_HEADER).decode("utf-8-sig", "replace")
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read, {error.strerror or error}") from error
     for name in files_of_header(header):
         if (named := path.parent / name).exists() and not named.is_file():
             raise SceneError(f"{path}: names {named}, which is a pipe, a device or a folder; wanted a file")

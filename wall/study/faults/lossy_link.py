@@ -20,7 +20,7 @@ from wall.core.system import end_with_parent
 
 TUNSETIFF, TAP, WITHOUT_HEADER = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
 LONGEST_FRAME = 1 << 16
-MOST_WAITING = 4096  # frames each way; more are lost, as in any queue
+MOST_WAITING = 8192  # frames of both ways; more are lost, as in any queue
 SEED = 1
 
 
@@ -39,7 +39,10 @@ def carry(one: int, other: int, *, loss: float, delay_s: float) -> None:
     while True:
         patience = max(0.0, waiting[0][0] - time.monotonic()) if waiting else None
         for came in select.select([one, other], [], [], patience)[0]:
-            frame = os.read(came, LONGEST_FRAME)
+            try:
+                frame = os.read(came, LONGEST_FRAME)
+            except OSError:  # the device is down
+                continue
             if chance.random() >= loss and len(waiting) < MOST_WAITING:
                 waiting.append((time.monotonic() + delay_s, to[came], frame))
         while waiting and waiting[0][0] <= time.monotonic():

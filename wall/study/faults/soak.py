@@ -36,6 +36,7 @@ SETTLE_S = 600.0  # before memory is judged; a third of a shorter run
 MOST_GROWTH = 1.0  # percent of memory
 INHERITED = 5  # descriptors more once a rank was forked again: 3 of its own, 2 of the process that does it
 MOST_AGING = 2.0  # times as old as before, of the oldest sample shown; it is older while a viewer has paused
+YOUNGEST_S = 0.1  # of ages that are compared
 MOST_DRIFT_MS = 50.0  # of the head's clock against this process's
 SLOW_S = 5.0
 KINDS = (KILLED, FROZEN, SLOWED)
@@ -89,7 +90,7 @@ def judge(rows: Sequence[Row]) -> Verdict:
     expected = INHERITED * min(sum(row.fault == KILLED for row in settled), rows[-1].processes)
     drift = abs(float(np.median([row.clock_ms for row in last]) - np.median([row.clock_ms for row in first])))
     young, old = (float(np.median([row.age_s for row in part])) for part in (first, last))
-    aging = old / young if young > 0.0 else 1.0
+    aging = old / max(young, YOUNGEST_S)
     fell = {
         name
         for one, other in itertools.pairwise(rows)
