@@ -6,7 +6,6 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -113,24 +112,6 @@ def test_ctrl_c_ends_a_run_in_order(tmp_path: Path, running: Callable[..., subpr
     ]  # fmt: skip
     last = json.loads((tmp_path / "out/log/rank-0.jsonl").read_text(encoding="utf-8").splitlines()[-1])
     assert (last["level"], last["message"]) == ("info", "ended: interrupted")
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_while_ranks_are_being_forked_ends_the_run(
-    tmp_path: Path, running: Callable[..., subprocess.Popen[str]], number: signal.Signals
-) -> None:
-    """Nothing is rendered yet, so nothing is kept; what is forked after the signal ends, too."""
-    run = running("run", write_config(tmp_path, columns=12), "--headless", "--out", tmp_path / "out")
-    limit = time.monotonic() + START_LIMIT_S
-    while len(session_of(run.pid)) < 3:  # the head, and the first ranks of twelve
-        assert time.monotonic() < limit
-        time.sleep(0.001)
-
-    os.kill(run.pid, number)
-    until_gone(run)
-
-    assert run.wait(1) != 0
-    assert "Traceback" not in run.stdout.read()
 
 
 def test_a_summary_that_cannot_be_written_is_one_line_and_the_images_are_there(tmp_path: Path) -> None:
@@ -367,18 +348,6 @@ def environment_of(pid: int) -> dict[str, str]:
     return dict(entry.partition("=")[::2] for entry in entries)
 
 
-@pytest.mark.mpi
-def test_wrong_number_of_ranks_is_refused_with_the_right_one(tmp_path: Path) -> None:
-    config = write_config(tmp_path, columns=2)
-
-    done = wall("run", config, "--headless", launcher=mpirun(2))
-
-    assert done.returncode == 2
-    assert "2 ranks were launched, the configuration needs 3: 1 head + 2 renderers" in done.stderr
-    assert "mpirun --with-ft ulfm -x PATH -n 3" in done.stderr
-    assert done.stderr.count("ranks were launched") == 1
-
-
 def test_a_second_wall_with_the_same_results_or_recording_is_refused_and_the_first_goes_on(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
@@ -397,17 +366,3 @@ def test_a_second_wall_with_the_same_results_or_recording_is_refused_and_the_fir
     os.kill(first.pid, signal.SIGINT)
     first.wait(STOP_LIMIT_S)
     assert wall("run", config, "--headless", "--seconds", 1, "--out", out).returncode == 0
-
-
-@pytest.mark.parametrize("options", [(), ("--with-ft", "ulfm")], ids=["plain", "ulfm"])
-def test_an_error_at_the_start_ends_a_job_of_mpi(tmp_path: Path, options: tuple[str, ...]) -> None:
-    """MPI_Finalize waits for ranks that wait for the one that failed: the job held its nodes for ever."""
-    config = write_config(tmp_path)
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        page = f"output: {{browser: {{port: {taken.getsockname()[1]}}}}}\n"
-        config.write_text(config.read_text().replace("[png]", "[browser]") + page)
-        began = time.monotonic()
-        run = wall("run", config, "--seconds", 1, "--out", tmp_path / "OUT", launcher=mpirun(2, *options))
-    assert run.returncode != 0
-    assert "another program has this port" in run.stderr + run.stdout, run.stdout + run.stderr
-    assert time.monotonic() - began < START_LIMIT_S

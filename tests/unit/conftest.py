@@ -10,7 +10,7 @@ from wall.scene import loading, sources
 from wall.scene.data import loading as data_loading
 
 
-@pytest.fixture(autouse=True, scope="session")
+@pytest.fixture(autouse=True, scope="module")
 def files_are_read_here() -> Iterator[None]:
     """Not by a process of their own, which takes a second of each test; test_model_files.py is about that."""
     with pytest.MonkeyPatch.context() as patch:

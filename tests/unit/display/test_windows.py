@@ -7,27 +7,23 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shown_panels import looks_like, noise, on_black, panels, shown, window
 from x_servers import comes_true, press, screenshot, x_server
 from Xlib import XK, X
 from Xlib.display import Display
 
-from wall.config.displays import WindowConfig
-from wall.config.screens import GridConfig, PanelConfig, WallConfig
+from wall.config.screens import PanelConfig, WallConfig
 from wall.core.errors import LocalProtocolError, RunError
-from wall.display.base import PanelImage
-from wall.display.stale_marks import COLOURS
 from wall.display.tiles import changed_since, tile_rects, updated
 from wall.display.window import WindowSink
 from wall.display.window_host import MOST_RECTS
 from wall.geometry.expanding import expand
-from wall.geometry.panels import Panel
 
 RGB = NDArray[np.uint8]
 SETTLED_S = 20.0
@@ -38,45 +34,6 @@ def screens() -> Iterator[tuple[str, str]]:
     """Two screens of one X server: 300 x 200 and 120 x 90 pixels."""
     with x_server("300x200", "120x90") as name:
         yield f"{name}.0", f"{name}.1"
-
-
-def panels(*pixels: tuple[int, int], **changes: Any) -> list[Panel]:
-    """Panels in a row; a change is a list of what each of them has, or what all of them have."""
-    made, x = list[Panel](), 0
-    for k, (width, height) in enumerate(pixels):
-        own = {name: value[k] if isinstance(value, list) else value for name, value in changes.items()}
-        configured = {name: own.pop(name) for name in set(own) & set(PanelConfig.model_fields)}
-        grid = GridConfig(columns=1, rows=1, pixels=(width, height), size=(width / 100, height / 100), id=f"p{k}")
-        panel = expand(WallConfig(grid=grid)).panels[0]
-        config = panel.config.model_copy(update=configured)
-        made.append(replace(panel, **({"config": config, "screen": (x, 0), "index": k, "of": f"p{k}"} | own)))
-        x += width
-    return made
-
-
-def window(x: int, y: int, width: int, height: int) -> WindowConfig:
-    return WindowConfig(x=x, y=y, width=width, height=height)
-
-
-def noise(width: int, height: int, seed: int = 1) -> RGB:
-    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
-
-
-def shown(panel: Any, rgb: RGB, version: int = 1) -> PanelImage:
-    return PanelImage(id=panel.id, rgb=rgb, screen=panel.screen, version=version)
-
-
-def on_black(width: int, height: int, *parts: tuple[int, int, RGB]) -> RGB:
-    """A black screen with images at their (x, y)."""
-    screen = np.zeros((height, width, 3), np.uint8)
-    for x, y, rgb in parts:
-        screen[y : y + rgb.shape[0], x : x + rgb.shape[1]] = rgb
-    return screen
-
-
-def looks_like(display: str, wanted: RGB) -> bool:
-    """Whether a screen has exactly these pixels, or gets them in time."""
-    return comes_true(lambda: np.array_equal(screenshot(display), wanted))
 
 
 def test_two_windows_on_one_screen_show_exactly_what_was_put(screens: tuple[str, str]) -> None:
@@ -382,34 +339,3 @@ def _state(process: int) -> str:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
     except OSError:
         return "Z"
-
-
-def test_what_gets_nothing_new_is_framed_until_it_does(screens: tuple[str, str]) -> None:
-    """Places of the virtual screen, in pixels of a panel that has one for two of them; the middle stays as it is."""
-    two = panels((97, 61), (50, 33), display=screens[0], window=[window(10, 20, 97, 61), window(150, 100, 50, 33)])
-    two[1] = replace(two[1], span=(100, 66))
-    first, second = noise(97, 61), noise(50, 33, 2)
-    images = [shown(two[0], first), shown(two[1], second)]
-    sink = WindowSink(two, refresh_hz=60)
-    try:
-        sink.put(images)
-        sink.put(images, [(97.0, 0.0, 60.0, 66.0)])
-        assert sink.settled(SETTLED_S)
-        framed = second.copy()
-        stripes = np.add.outer(np.arange(33), np.arange(50)) // 4 % 2
-        frame = np.zeros((33, 50), np.bool_)
-        frame[:, :30] = True
-        frame[4:-4, 4:26] = False
-        framed[frame] = COLOURS[stripes][frame]
-        assert looks_like(screens[0], on_black(300, 200, (10, 20, first), (150, 100, framed)))
-        second[16, 2], second[16, 40] = 255 - second[16, 2], 0
-        newer = [images[0], shown(two[1], second, 2)]
-        sink.put(newer, [(97.0, 0.0, 60.0, 66.0)])
-        assert sink.settled(SETTLED_S)
-        framed[16, 40] = 0
-        assert looks_like(screens[0], on_black(300, 200, (10, 20, first), (150, 100, framed))), "under the frame, too"
-        sink.put(newer)
-        assert sink.settled(SETTLED_S)
-        assert looks_like(screens[0], on_black(300, 200, (10, 20, first), (150, 100, second)))
-    finally:
-        sink.close()
