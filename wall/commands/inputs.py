@@ -8,7 +8,7 @@ from typing import Any
 
 from wall.config.loading import Loaded, default_for_model, load, load_values, nearest
 from wall.core.errors import ConfigError
-from wall.scene.model_files import MODEL_SUFFIXES
+from wall.scene.loader_process import MODEL_SUFFIXES
 from wall.scene.sources import BUILT_IN, is_built_in
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "configs"  # those of the clone, which are packaged too

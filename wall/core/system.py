@@ -50,7 +50,7 @@ def _left_in(folder: Path, limit: str, usage: str, dropped: tuple[str, ...]) -> 
 
 def groups_of_this_process(controller: str = "cpu", proc: Path = Path("/proc")) -> list[tuple[Path, int]]:
     """See groups_of."""
-    return groups_of(read(proc / "self" / "cgroup"), read(proc / "self" / "mountinfo"), controller)
+    return groups_of(kernel_text(proc / "self" / "cgroup"), kernel_text(proc / "self" / "mountinfo"), controller)
 
 
 def groups_of(cgroup: str, mountinfo: str, controller: str = "cpu") -> list[tuple[Path, int]]:
@@ -69,7 +69,9 @@ def groups_of(cgroup: str, mountinfo: str, controller: str = "cpu") -> list[tupl
         root, mount = left.split()[3:5]
         if kind == "cgroup2":
             folders = _upwards(Path(mount), root, own.get("", "/"))
-            found += [(folder, 2) for folder in folders if controller in read(folder / "cgroup.controllers").split()]
+            found += [
+                (folder, 2) for folder in folders if controller in kernel_text(folder / "cgroup.controllers").split()
+            ]
         elif kind == "cgroup" and controller in options.split(","):
             found += [(folder, 1) for folder in _upwards(Path(mount), root, own.get(controller, "/"))]
     return found
@@ -83,7 +85,7 @@ def _upwards(mount: Path, root: str, path: str) -> list[Path]:
     return [folder for folder in chain[: chain.index(mount) + 1] if folder.is_dir()]
 
 
-def read(path: str | Path) -> str:
+def kernel_text(path: str | Path) -> str:
     """A file of the kernel; "" where there is none."""
     try:
         return Path(path).read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from wall.display.base import Offers
 from wall.roles.config_edits import text_of
 from wall.roles.plan import Layout, make_layout
 from wall.roles.reloading import as_run, check_fits
-from wall.scene.model_files import MODEL_SUFFIXES
+from wall.scene.loader_process import MODEL_SUFFIXES
 from wall.scene.sources import BUILT_IN
 
 CONFIGURATIONS = (".yaml", ".yml")

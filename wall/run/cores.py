@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from wall.core.system import groups_of_this_process, read
+from wall.core.system import groups_of_this_process, kernel_text
 
 HEAD_WEIGHT = 0.25  # of a head among processes that share a core: it shows what renderers made
 
@@ -49,9 +49,9 @@ def share_of_cores(own: int, processes: Sequence[Collection[int]], *, head: int 
 def quota_of(group: Path, version: int) -> float:
     """The cores that a cgroup may use; infinite where it has no quota."""
     if version == 2:
-        quota, _, period = read(group / "cpu.max").partition(" ")
+        quota, _, period = kernel_text(group / "cpu.max").partition(" ")
     else:
-        quota, period = read(group / "cpu.cfs_quota_us"), read(group / "cpu.cfs_period_us")
+        quota, period = kernel_text(group / "cpu.cfs_quota_us"), kernel_text(group / "cpu.cfs_period_us")
     try:
         return int(quota) / int(period) if int(quota) > 0 else float("inf")
     except (ValueError, ZeroDivisionError):  # "max", or there is no such file

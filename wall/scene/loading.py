@@ -44,8 +44,8 @@ from wall.scene.gltf import (
 from wall.scene.gltf_animation import motions_of
 from wall.scene.gltf_instancing import instance_poses
 from wall.scene.lights import scaled
+from wall.scene.loader_process import MODEL_SUFFIXES
 from wall.scene.model import Instance, Mesh, Source
-from wall.scene.model_files import MODEL_SUFFIXES
 from wall.scene.mtl import Maps, options_of
 from wall.scene.repair import RawMesh, Repaired, repair
 from wall.scene.unreadable import as_utf8, check_ply, text_of, why_unreadable

@@ -17,8 +17,8 @@ from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.builtin.museum import museum
 from wall.scene.builtin.spheres import spheres
+from wall.scene.loader_process import load_models
 from wall.scene.model import Instance, Material, Mesh, Source, Texture, TextureSet
-from wall.scene.model_files import load_models
 from wall.scene.series import Series
 
 BUILT_IN = {

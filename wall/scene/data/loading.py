@@ -16,13 +16,13 @@ from wall.scene.data.errors import NoSurfaceError
 from wall.scene.data.points import points_mesh
 from wall.scene.data.steps import Part, steps_of
 from wall.scene.data.vtk_files import READERS
+from wall.scene.loader_process import load_apart, load_request
 from wall.scene.model import Instance, Material, Mesh, Source
-from wall.scene.model_files import read, request
 from wall.scene.series import Series, StepMeshes
 from wall.scene.up import Y_FROM
 
 Meshes: TypeAlias = tuple[list[tuple[Mesh, float]], tuple[str, ...]]
-OTHERS = frozenset({*READERS, ".ply"})  # by VTK, and by trimesh
+LOADED_APART = frozenset({*READERS, ".ply"})  # by VTK, and by trimesh
 NO_AREA = np.zeros((1, 3), np.uint32)  # a triangle of one corner, where a step has no surface
 PLAIN = (0.8, 0.8, 0.8)  # linear RGB where nothing says a colour
 
@@ -94,9 +94,9 @@ def _in_frame(mesh: Mesh, scale: float, like: Mesh) -> Mesh:
 
 def _meshes_apart(config: DataConfig, part: Part, name: str, where: str) -> Meshes:
     """What meshes_of gives; files that others' code reads are read by a process of their own."""
-    if part.path.suffix.lower() not in OTHERS:
+    if part.path.suffix.lower() not in LOADED_APART:
         return meshes_of(config, part, name, where)
-    meshes: Meshes = read([request(part.path, (__name__, "meshes_of"), config, part, name, where)])[0]
+    meshes: Meshes = load_apart([load_request(part.path, (__name__, "meshes_of"), config, part, name, where)])[0]
     return meshes
 
 

@@ -20,7 +20,7 @@ from wall.core.errors import SceneError
 from wall.scene import loading
 from wall.scene.build import build
 from wall.scene.data import loading as data_loading
-from wall.scene.model_files import LEAST_S, S_PER_MB, Request, load_models, read, seconds_for
+from wall.scene.loader_process import LEAST_S, S_PER_MB, Request, load_apart, load_models, seconds_for
 
 WAIT_S = 20.0
 END_S = 10.0  # at once, on a busy machine
@@ -76,13 +76,13 @@ def test_one_that_is_refused_is_refused_in_the_same_words_and_names_the_right_fi
 def test_one_that_takes_too_long_is_refused(tmp_path: Path) -> None:
     path = slow(tmp_path)
     with pytest.raises(SceneError, match=r"slow\.obj: reading it takes more than 1 s of processor time; wanted: fewer"):
-        read([request(ball(tmp_path)), request(path, seconds=1.0)])
+        load_apart([request(ball(tmp_path)), request(path, seconds=1.0)])
 
 
 def test_one_that_takes_too_much_memory_is_refused(tmp_path: Path) -> None:
     small, large = ball(tmp_path), ball(tmp_path, "large.obj", 6)
     with pytest.raises(SceneError, match=r"large\.obj: reading it takes more than the 0\.04 GB of memory that are"):
-        read([request(small), replace(request(large), memory=40_000_000)])
+        load_apart([request(small), replace(request(large), memory=40_000_000)])
 
 
 def test_a_process_that_dies_is_told_of(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_data_that_ends_a_reader_is_refused_and_ends_nobody_else(
 ) -> None:
     """VTK ends its process where it gets no memory: an image of so many points is asked for by its header alone."""
     pytest.importorskip("vtkmodules")
-    monkeypatch.setattr(data_loading, "OTHERS", frozenset({".vti"}))
+    monkeypatch.setattr(data_loading, "LOADED_APART", frozenset({".vti"}))
     path = tmp_path / "field.vti"
     extent = "0 200000 0 200000 0 200000"
     path.write_text(
@@ -127,7 +127,7 @@ def test_what_lies_in_the_current_folder_is_not_run(tmp_path: Path, monkeypatch:
 
 
 def test_it_reads_where_standard_streams_are_closed(tmp_path: Path) -> None:
-    code = "import sys; from pathlib import Path; from wall.scene.model_files import load_models; "
+    code = "import sys; from pathlib import Path; from wall.scene.loader_process import load_models; "
     code += "Path(sys.argv[2]).write_text(str(len(load_models([Path(sys.argv[1])]))))"
     command = ["sh", "-c", 'exec "$0" -c "$1" "$2" "$3" <&- >&-', sys.executable, code]
     subprocess.run([*command, str(ball(tmp_path)), str(tmp_path / "found")], timeout=60, check=True)
@@ -135,7 +135,7 @@ def test_it_reads_where_standard_streams_are_closed(tmp_path: Path) -> None:
 
 
 def test_it_ends_with_its_parent(tmp_path: Path) -> None:
-    code = "import sys; from pathlib import Path; from wall.scene.model_files import load_models; "
+    code = "import sys; from pathlib import Path; from wall.scene.loader_process import load_models; "
     parent = subprocess.Popen([sys.executable, "-c", code + "load_models([Path(sys.argv[1])])", str(slow(tmp_path))])
     end = time.monotonic() + WAIT_S
     while not (found := children_of(parent.pid)) and time.monotonic() < end:

@@ -1,7 +1,7 @@
 """Models and data from files, read by a process of their own: their parsers are others' code, and get limits.
 
-`python -m wall.scene.model_files DESCRIPTOR PARENT` is that process. It imports what reads the files, which others then
-do without, and ends when all are read.
+`python -m wall.scene.loader_process DESCRIPTOR PARENT` is that process. It imports what reads the files, which others
+then do without, and ends when all are read.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LEAST_S, S_PER_MB = 60.0, 2.0  # of processor time: ten times what a mesh of 328
 MOST_TIMES = 20.0  # as long, until a process that gets no core is given up
 END_S = 2.0  # for a process that has closed its end
 LEAST_BYTES = 1 << 28  # of memory, however little is left
-SHORTER = "wanted: fewer triangles, or fewer and smaller textures"
+REMEDY = "wanted: fewer triangles, or fewer and smaller textures"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,10 +52,10 @@ class Request:
 def load_models(paths: Sequence[Path], up: Up = "auto", *, textures_given: bool = False) -> list[Source]:
     """Read model files, see loading.load. Raises SceneError, also for one that takes too long or too much memory."""
     reader, options = ("wall.scene.loading", "load"), {"textures_given": textures_given}
-    return read([request(path, reader, path, up, **options) for path in paths])
+    return load_apart([load_request(path, reader, path, up, **options) for path in paths])
 
 
-def request(path: Path, reader: tuple[str, str], *arguments: Any, **options: Any) -> Request:
+def load_request(path: Path, reader: tuple[str, str], *arguments: Any, **options: Any) -> Request:
     """A request for a file with the usual limits. `reader`: module and name of a function of these arguments."""
     memory = available_bytes()
     return Request(
@@ -73,7 +73,7 @@ def seconds_for(path: Path) -> float:
         return LEAST_S
 
 
-def read(requests: Sequence[Request]) -> list[Any]:
+def load_apart(requests: Sequence[Request]) -> list[Any]:
     """Read them one after the other in one process. Returns what their readers do. Raises SceneError, as these do."""
     if not requests:
         return []
@@ -138,7 +138,7 @@ def _why(process: subprocess.Popen[bytes], request: Request, seconds: float) -> 
     process.kill()
     code = process.wait()
     if code == -signal.SIGXCPU:
-        return f"{request.path}: reading it takes more than {request.seconds:.0f} s of processor time; {SHORTER}"
+        return f"{request.path}: reading it takes more than {request.seconds:.0f} s of processor time; {REMEDY}"
     how = f"signal {-code}, {signal.strsignal(-code)}" if code < 0 else f"exit code {code}"
     return f"{request.path}: cannot be read; what reads it ended with {how} after {seconds:.0f} s"
 
@@ -164,7 +164,7 @@ def main(descriptor: int, parent: int) -> None:
                 result = str(error)
             except MemoryError:
                 left = f"{(request.memory or 0) / 1e9:.2f} GB"
-                result = f"{request.path}: reading it takes more than the {left} of memory that are left; {SHORTER}"
+                result = f"{request.path}: reading it takes more than the {left} of memory that are left; {REMEDY}"
             try:
                 pickle.dump(result, results, protocol=5)
             except MemoryError:
