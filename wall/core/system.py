@@ -1,4 +1,4 @@
-"""What the kernel tells of this process: its control groups, the memory that is left, the death of its parent.
+"""Processes and the kernel: control groups, the memory that is left, the death of a parent, modules as programs.
 
 Kernel documentation: admin-guide/cgroup-v2, cgroup-v1/memory; prctl(2).
 """
@@ -6,7 +6,9 @@ Kernel documentation: admin-guide/cgroup-v2, cgroup-v1/memory; prctl(2).
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
+import sys
 from pathlib import Path
 
 NO_LIMIT = 1 << 60  # bytes: what version 1 of control groups says where there is none is near 2^63
@@ -20,6 +22,21 @@ _PR_SET_PDEATHSIG = 1
 def end_with_parent(number: signal.Signals) -> None:
     """Let this process get a signal when the process that started it ends."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
+
+
+def die_with(parent: int) -> None:
+    """Let this process be killed when its `parent` ends; at once where it has ended by now."""
+    end_with_parent(signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def own_module(name: str) -> tuple[list[str], dict[str, str]]:
+    """The command that runs a module of this program, and its environment: found however this process found it, and
+    nothing of the current folder is run in its place."""
+    here = str(Path(__file__).resolve().parents[2])
+    path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH")]))
+    return [sys.executable, "-P", "-m", name], {**os.environ, "PYTHONPATH": path}
 
 
 def available_bytes(proc: Path = Path("/proc")) -> int | None:

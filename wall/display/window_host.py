@@ -12,20 +12,18 @@ import os
 import select
 import socket
 import subprocess
-import sys
 import threading
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import reduce
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-import wall
 from wall.core.data import Rect
 from wall.core.errors import LocalProtocolError, RunError
+from wall.core.system import own_module
 from wall.display.base import PanelImage
 from wall.display.stale_marks import draw, marked
 from wall.display.tiles import changed_since, tile_rects
@@ -56,8 +54,7 @@ class WindowHost:
         self._newest: dict[str, PanelImage] = {}  # of each panel
         self._panels = {panel.id: panel for panel in panels}
         self._marks: dict[str, tuple[Rect, ...]] = {}  # of each panel, the parts that are framed
-        self._sent: dict[str, int] = {}  # of each panel, the version that its window was sent
-        self._framed: dict[str, tuple[Rect, ...]] = {}  # and the frames
+        self._sent: dict[str, tuple[int, tuple[Rect, ...]]] = {}  # of each panel, what its window has: version, frames
         self.copied = 0  # bytes of pixels that windows were sent
         self._waiting: set[int] = set()  # windows whose newest image is not on its way yet
         self._open = set(range(len(self._requests)))
@@ -91,13 +88,12 @@ class WindowHost:
         self._thread.start()
 
     def _start(self, theirs: socket.socket) -> subprocess.Popen[bytes]:
-        here = str(Path(wall.__file__).resolve().parent.parent)
-        path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH")]))
-        about = {"DISPLAY": self.display, "PYTHONPATH": path, "PYGLFW_LIBRARY_VARIANT": "x11"}
+        command, environment = own_module("wall.display.window_process")
+        about = {"DISPLAY": self.display, "PYGLFW_LIBRARY_VARIANT": "x11"}
         numbers = [str(n) for n in (os.getpid(), theirs.fileno(), self._memory)]
         return subprocess.Popen(
-            [sys.executable, "-m", "wall.display.window_process", *numbers],
-            env={**os.environ, **about},
+            [*command, *numbers],
+            env=environment | about,
             pass_fds=(theirs.fileno(), self._memory),
             stdin=subprocess.DEVNULL,
             process_group=0,  # Ctrl-C is for the run; it closes the windows when it ends
@@ -227,9 +223,9 @@ class WindowHost:
     def _changed_rects(self, image: PanelImage, marks: tuple[Rect, ...]) -> list[Rect]:
         """Rectangles of an image that hold all that its window has not been sent, and mark it as sent."""
         height, width = image.rgb.shape[:2]
-        framed = self._framed.get(image.id, ()) == marks  # as before, or all is sent anew
-        tiles = changed_since(image, self._sent.get(image.id) if framed else None)
-        self._sent[image.id], self._framed[image.id] = image.version, marks
+        version, framed = self._sent.get(image.id, (None, ()))
+        tiles = changed_since(image, version if framed == marks else None)  # all, where other parts are framed
+        self._sent[image.id] = image.version, marks
         rects = tile_rects(tiles, width, height)
         return rects if len(rects) <= MOST_RECTS else [reduce(Rect.join, rects)]
 

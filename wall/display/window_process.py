@@ -17,11 +17,9 @@ wall/reconstruction/gpu use OpenGL.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import json
 import mmap
 import os
-import signal
 import socket
 import sys
 import threading
@@ -33,6 +31,7 @@ import glfw
 import moderngl
 
 from wall.core.errors import RunError, WallError
+from wall.core.system import die_with
 from wall.display.window_input import InputHandler, Views
 from wall.display.window_layout import TURNS, Box, Monitor, Place, WindowPosition, WindowRequest, lay_out
 
@@ -43,7 +42,6 @@ AWAKE_S = 0.5  # threads that draw read the X connection too: an event that one 
 MAX_PACKET = 1 << 20
 BLACK = (0.0, 0.0, 0.0)
 _DITHER = 0x0BD0  # GL_DITHER
-_PR_SET_PDEATHSIG = 1
 
 _VERTEX = """
 #version 330
@@ -317,9 +315,7 @@ def _open(title: str, position: WindowPosition) -> Any:
 def main() -> None:
     """Entry point of the process."""
     parent, descriptor, memory = (int(word) for word in sys.argv[1:4])
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
+    die_with(parent)
     pipe = socket.socket(fileno=descriptor)
     WindowProcess(pipe, memory).run()
     sys.stderr.flush()

@@ -50,7 +50,7 @@ from wall.roles.instructions import (
 )
 from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
-from wall.roles.stale import stale_places
+from wall.roles.stale import marked_places
 from wall.roles.statistics import Due
 from wall.roles.status import AWAY_FROM_HEAD, Latency, Rates, statistics_of, status_of, steered, totals_of
 from wall.roles.view import EARLY_APART_S, FollowedView
@@ -155,9 +155,9 @@ class Compositor:
             if self._reports and self.standing.members.keys() != before and self._views[0].event is not None:
                 yield from self._make_status(self._views[0].event, now)
                 yield Tell(self._status)  # what is stale is marked before the next image is made
-            if not self._reports and math.isfinite(self._plan.layout.config.transport.marked_after_s):
+            if not self._reports:
                 absent = self._came_ranks - self.standing.members.keys()
-                self._status = replace(AWAY_FROM_HEAD, stale=stale_places(self._plan.layout, absent))
+                self._status = replace(AWAY_FROM_HEAD, stale=marked_places(self._plan.layout, absent))
             self._status_due = now
         elif isinstance(message, Heartbeat):
             self._beats[message.rank] = message

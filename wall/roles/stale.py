@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 
 from wall.core.data import Rect
@@ -11,6 +12,11 @@ from wall.roles.edges import targets_of
 from wall.roles.plan import Layout
 
 Place = tuple[float, float, float, float]  # x, y, width, height in virtual screen pixels
+
+
+def marked_places(layout: Layout, absent: Iterable[int]) -> tuple[Place, ...]:
+    """What is to be marked while these ranks are not heard of: stale_places, unless nothing is ever marked."""
+    return stale_places(layout, absent) if math.isfinite(layout.config.transport.marked_after_s) else ()
 
 
 def stale_places(layout: Layout, absent: Iterable[int]) -> tuple[Place, ...]:

@@ -17,7 +17,7 @@ from wall.display.base import LATENCY_LIMITS_S, ParameterState, RankStatus, Rank
 from wall.packets.control import Heartbeat, Hello, Selection, Statistics
 from wall.roles.plan import Layout, Plan
 from wall.roles.slowness import why_slow
-from wall.roles.stale import stale_places
+from wall.roles.stale import marked_places
 
 if TYPE_CHECKING:
     from wall.roles.compositor import Compositor
@@ -100,7 +100,7 @@ def status_of(
     renderers = [beat for rank, beat in beats.items() if plan.layout.role(rank) == "renderer"]
     recent = list(latency.seconds)[-RECENT_LATENCIES:]
     latency_ms = percentiles_ms(recent)
-    layout, marks = plan.layout, math.isfinite(plan.layout.config.transport.marked_after_s)
+    layout = plan.layout
     members = {rank: member for rank, member in members.items() if rank not in gone}
     living = {rank: beat for rank, beat in beats.items() if rank in members}
     right_ms = 1000.0 * max((beat.right_s for beat in living.values()), default=0.0)  # where images are made,
@@ -117,7 +117,7 @@ def status_of(
         latencies_ms=tuple(1000.0 * s for s in recent),
         refreshes_per_s=refreshes_per_s,
         right_ms=right_ms,
-        stale=stale_places(layout, gone) if marks else (),
+        stale=marked_places(layout, gone),
         slow=why_slow(layout, living),
         samples_per_pixel=min((beat.samples_per_pixel for beat in renderers), default=0),
         error=math.sqrt(sum(beat.square_error for beat in renderers) / max(len(renderers), 1)),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import signal
 import stat
 import sys
 import traceback
@@ -15,7 +14,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, TypeAlias
 
 from wall.core.errors import WallError
-from wall.core.system import end_with_parent
+from wall.core.system import die_with
 from wall.run.endings import leave_to_head
 from wall.transport.curve import Keys
 
@@ -114,9 +113,7 @@ def belong_to(parent: int, ends: list[Connection], siblings: set[PipeEnd]) -> No
 
     `siblings`: by what the parent knows of other ranks.
     """
-    end_with_parent(signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
+    die_with(parent)
     for end in ends:
         end.close()
     for descriptor, _ in siblings & open_pipes():

@@ -121,18 +121,18 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
             layout.size, main, lambda head: lead(plan, head, Preparer(plan, machines), options, say, opened),
             encrypted=transport.encrypted, patience_s=head_lost_s(transport),
         ).run()  # fmt: skip
-    threads = transport.kind == "loopback"
-    say(f"starting {layout.size} {'threads' if threads else 'processes'}")
+    bootstrap: Bootstrap
     with ExitStack() as closing:
-        with held_back():
-            bootstrap: Bootstrap = (
-                ThreadBootstrap.start(layout.size, main)
-                if threads
-                else LocalBootstrap.start(
-                    layout.size, main, again=transport.restarts > 0, encrypted=transport.encrypted
-                )
-            )
-            closing.callback(bootstrap.finish, told=False)  # who is there then was not told: the head came not so far
+        if transport.kind == "loopback":
+            say(f"starting {layout.size} threads")
+            bootstrap = ThreadBootstrap.start(layout.size, main)
+            closing.callback(bootstrap.finish, told=False)
+        else:
+            say(f"starting {layout.size} processes")
+            again, encrypted = transport.restarts > 0, transport.encrypted
+            with held_back():
+                bootstrap = LocalBootstrap.start(layout.size, main, again=again, encrypted=encrypted)
+                closing.callback(bootstrap.finish, told=False)  # who is there then was not told by the head
         return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)
 
 

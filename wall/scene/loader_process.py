@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from wall.core.errors import SceneError
-from wall.core.system import available_bytes, end_with_parent
+from wall.core.system import available_bytes, die_with, own_module
 
 if TYPE_CHECKING:
     from wall.config.scene import Up
@@ -77,13 +77,13 @@ def load_apart(requests: Sequence[Request]) -> list[Any]:
     """Read them one after the other in one process. Returns what their readers do. Raises SceneError, as these do."""
     if not requests:
         return []
+    command, environment = own_module(__name__)
     reader, writer = (_above_standard(end) for end in os.pipe())
     with open(reader, "rb") as results:
         try:
             process = subprocess.Popen(
-                [sys.executable, "-P", "-m", __name__, str(writer), str(os.getpid())],  # -P: not what lies here
-                env={**os.environ, "PYTHONPATH": _python_path()}, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                pass_fds=(writer,), process_group=0,  # Ctrl-C is for those who end it
+                [*command, str(writer), str(os.getpid())], env=environment, pass_fds=(writer,),
+                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, process_group=0,  # Ctrl-C is for those who end it
             )  # fmt: skip
         except OSError as error:
             raise SceneError(f"{requests[0].path}: what reads files cannot be started: {error}") from error
@@ -107,11 +107,6 @@ def _above_standard(descriptor: int) -> int:
     above = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3)
     os.close(descriptor)
     return above
-
-
-def _python_path() -> str:
-    """Where this program is found, whatever it was started by."""
-    return os.pathsep.join(filter(None, [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH")]))
 
 
 def _received(process: subprocess.Popen[bytes], requests: Sequence[Request], results: BinaryIO) -> list[Any]:
@@ -145,9 +140,7 @@ def _why(process: subprocess.Popen[bytes], request: Request, seconds: float) -> 
 
 def main(descriptor: int, parent: int) -> None:
     """Be the process that reads."""
-    end_with_parent(signal.SIGKILL)
-    if os.getppid() != parent:
-        return
+    die_with(parent)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     requests: list[Request] = pickle.load(sys.stdin.buffer)
     with open(descriptor, "wb") as results:
