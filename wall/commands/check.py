@@ -82,9 +82,14 @@ def _extent(plan: Plan) -> str:
     across = abs(float(wall.panels[0].plane.normal @ (eye - wall.panels[0].corners[0])))
     return (
         f"wall: {len(wall.panels)} panel{'s' * (len(wall.panels) > 1)} on {wall.width}x{wall.height} pixels, "
-        f"{width:.3g} x {height:.3g} m, shown at {plan.view.refresh_hz:g} Hz; the eye is {across:.3g} m before panel "
-        f"{wall.panels[0].id}, at ({', '.join(f'{x + 0.0:.3g}' for x in eye.round(6))})"
+        f"{_short(width)} x {_short(height)} m, shown at {plan.view.refresh_hz:g} Hz; the eye is "
+        f"{_short(across)} m before panel {wall.panels[0].id}, at ({', '.join(_short(x + 0.0) for x in eye.round(6))})"
     )
+
+
+def _short(value: float) -> str:
+    """A length to three digits, without a power of ten where it is large."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def launch_line(layout: Layout, cores: int) -> str:

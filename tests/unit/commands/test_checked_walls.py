@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,13 @@ def test_windows_that_open_on_another_host_than_their_panel_s_are_noted(tmp_path
 def test_the_size_of_a_wall_counts_what_two_panels_light_once(tmp_path: Path) -> None:
     lines = check(load(written(tmp_path, CONFIG)))
     assert ", 0.75 x 0.3 m, shown at 60 Hz; the eye is " in [next(lines), next(lines)][1]
+
+
+def test_lengths_of_a_very_large_wall_have_no_power_of_ten(tmp_path: Path) -> None:
+    apart = CONFIG.replace("0.35", "0.4").replace("0.05", "0")
+    large = re.sub(r"\b0\.\d+", lambda number: f"{float(number[0]) * 1e4:g}", apart)
+    lines = check(load(written(tmp_path, large)))
+    assert ", 7,500 x 3,000 m, shown at 60 Hz; the eye is " in [next(lines), next(lines)][1]
 
 
 def test_wall_that_is_wrong_is_refused_before_its_scene_is_loaded(tmp_path: Path) -> None:
