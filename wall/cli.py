@@ -77,9 +77,9 @@ def run(
         Path | None, typer.Option(help="Folder for the run's events, such as run.events; wall replay traces them again")
     ] = None,
     film: Annotated[
-        Path | None, typer.Option(help="FILE.mp4 of what a view was to show, rendered after the run")
+        Path | None, typer.Option(help="FILE.mp4 of what the run was to show, rendered after it")
     ] = None,
-    film_view: Annotated[str | None, typer.Option(help="View of --film; the first if left out")] = None,
+    film_view: Annotated[str | None, typer.Option(help="View of --film; all if left out")] = None,
     film_rate: Annotated[float, typer.Option(help="Frames a second of --film")] = 30.0,
     film_spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of --film")] = 16,
     images: Annotated[

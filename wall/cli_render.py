@@ -23,9 +23,7 @@ UpOption = Annotated[str | None, typer.Option(help="What is up in .obj, .ply, .s
 IntegratorOption = Annotated[
     str | None, typer.Option(help="How light is followed: direct, path or ambient_occlusion; else as configured")
 ]
-ViewOption = Annotated[
-    str | None, typer.Option(help="Only this view, as large as its place")
-]
+ViewOption = Annotated[str | None, typer.Option(help="Only this view, as large as its place")]
 
 
 def render(
@@ -91,9 +89,7 @@ def render(
         loaded = with_tone(load_config(what, up=up, integrator=integrator), exposure, tone_mapping)
         plan = make_plan(make_layout(loaded))
         plan = plan if view is None else plan_of_view(plan, view)
-        names = [each.id for each in plan.layout.config.views]
-        told = f"this is view {names[0]} of {', '.join(names)}, on all of the wall; `wall screenshot` has all in place"
-        print_notes(plan, *([told] if len(names) > 1 else []))
+        print_notes(plan)
         return plan
 
     if frames is None and film is None:
@@ -115,9 +111,9 @@ def _render_image(
     from wall.commands.legends import legends_of
     from wall.commands.progress import progress_bar
     from wall.commands.render import render_layers
+    from wall.commands.whole_image import display_of, parts_of
     from wall.display.image_file import write_image, write_layers
     from wall.operators.denoise import denoised, load_denoiser
-    from wall.roles.tone import tone_at
 
     denoiser = load_denoiser("--denoise") if denoise else None
     needed = tuple(dict.fromkeys((*layers, *(("albedo", "normal") if denoise else ()))))
@@ -145,7 +141,9 @@ def _render_image(
             over(image)
         write_layers(output, {name: found[name] for name in ("colour", *layers)})
     else:
-        write_image(output, image, tone=tone_at(plan, at), over=over)
+        parts = parts_of(plan, quality.size, seed=quality.seed)
+        display = display_of(parts, [part.event_at(at).tone for part in parts])
+        write_image(output, image, display=display, over=over)
     size = f"{image.shape[1]}x{image.shape[0]}"
     console.print(f"wrote {output}: {size}, {quality.spp} samples a pixel, seed {quality.seed}")
 

@@ -104,13 +104,15 @@ def test_a_rank_is_replayed_with_the_cores_that_it_had(recording: Path, monkeypa
 
 def test_a_film_of_a_run_has_the_images_of_its_moments(recording: Path, tmp_path: Path) -> None:
     """The third view at 40 Hz, which the run refreshed at 60: its camera is on its path at each moment."""
-    plan, events = frames_of(open_recording(recording), view="frameless", rate=40.0)
+    plan, moments = frames_of(open_recording(recording), view="frameless", rate=40.0)
+    events = [event for (event,) in moments]
     assert len(events) >= 40, "a run of one and a half seconds"
     times = np.array([event.scene_time for event in events if not event.paused])
     assert np.median(np.diff(times)) == pytest.approx(1 / 40)
     assert all(event.camera == plan.view.camera_at(event.scene_time) for event in events)
-    some, quality = events[10:12], Quality(spp=2, seed=1, size=(24, 16))
-    for event, image in zip(some, rendered_frames(plan, make_tracer_scene(plan.scene), some, quality), strict=True):
+    some, quality = moments[10:12], Quality(spp=2, seed=1, size=(24, 16))
+    frames = rendered_frames(plan, make_tracer_scene(plan.scene), some, quality)
+    for (event,), (image, _) in zip(some, frames, strict=True):
         np.testing.assert_array_equal(image, render(plan, spp=2, seed=1, at=event.scene_time, size=(24, 16)))
     film = tmp_path / "run.mp4"
     options = ["--film", str(film), "--rate", "2", "--spp", "1", "--size", "24x16", "--view", "frameless"]
@@ -122,10 +124,11 @@ def test_a_film_of_a_run_has_the_images_of_its_moments(recording: Path, tmp_path
 def test_a_run_makes_its_film_and_its_events_stay_until_then(
     recording: Path, copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of the first view, at its own 4 Hz. Events that were not asked for are gone with the film; else they go on."""
-    wanted = len(frames_of(open_recording(recording), view=None, rate=4.0)[1])
+    """Of all views, at its own 4 Hz. Events that were not asked for are gone with the film; else they go on."""
+    moments = frames_of(open_recording(recording), view=None, rate=4.0)[1]
+    assert [[event.view for event in moment] for moment in moments] == len(moments) * [[0, 1, 2, 3, 4]]
     frames = list(read_film(recording.with_name("run.mp4")))
-    assert [frame.shape for frame in frames] == wanted * [(32, 248, 3)]
+    assert [frame.shape for frame in frames] == len(moments) * [(32, 248, 3)]
     assert np.ptp(frames[0]) > 100
     film = copy.with_suffix(".mp4")
     with pytest.raises(ConfigError, match=rf"{copy} is there already, .*wall replay {copy} --film {film} makes it"):

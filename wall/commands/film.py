@@ -11,6 +11,7 @@ from pathlib import Path
 
 from wall.commands.frames import (
     Done,
+    Moment,
     Quality,
     Targets,
     checked_rate,
@@ -42,7 +43,7 @@ class FilmOfRun:
     kept: bool  # the events stay
     rate: float
     spp: int
-    view: str | None = None  # None: the first
+    view: str | None = None  # None: all, in their places
 
     def drop(self) -> None:
         """Remove the events, unless they were asked for."""
@@ -67,7 +68,7 @@ def film_of_run(
     """The film that `wall run` is to make, checked before the run begins. Raises ConfigError.
 
     `record`: where the run's events are to stay; None: they are beside the film, until it is made. `views`: names of
-    the configuration's; `view`: the one that is shown, None: the first.
+    the configuration's; `view`: the one that is shown, None: all of them.
     """
     if under_mpi():
         raise ConfigError("--film under mpirun: wanted --record FOLDER, of all machines, then wall replay --film")
@@ -100,7 +101,7 @@ def make_film(folder: Path, film: Path, quality: Quality, *, rate: float, view: 
 def replay_film(
     folder: Path, film: Path, quality: Quality, *, rate: float, view: str | None, total: Done, done: Done
 ) -> int:
-    """Render the film of one view of a recorded run, its first if `view` is None. Returns the number of frames.
+    """Render the film of one view of a recorded run, of all if `view` is None. Returns the number of frames.
 
     `total` is told how many there will be. Raises ConfigError, and RunError.
     """
@@ -108,26 +109,28 @@ def replay_film(
     targets.check()
     rate = checked_rate(rate)
     recorded = open_recording(folder)
-    plan, events = frames_of(recorded, view=view, rate=rate)
-    total(len(events))
-    images = rendered_frames(plan, make_tracer_scene(plan.scene), events, quality)
-    write_frames(images, events, range(len(events)), targets, hz=rate_of(rate), done=done)
-    return len(events)
+    plan, moments = frames_of(recorded, view=view, rate=rate)
+    total(len(moments))
+    frames = rendered_frames(plan, make_tracer_scene(plan.scene), moments, quality)
+    write_frames(frames, range(len(moments)), targets, hz=rate_of(rate), done=done)
+    return len(moments)
 
 
-def frames_of(recorded: Recorded, *, view: str | None, rate: float) -> tuple[Plan, list[Event]]:
-    """The plan of a view, and the event that it shows in each frame, from the run's first event to its end."""
+def frames_of(recorded: Recorded, *, view: str | None, rate: float) -> tuple[Plan, list[Moment]]:
+    """The plan of a view, or of all, and what it shows in each frame, from the run's first event to its end."""
     names = [each.id for each in recorded.plan.layout.config.views]
     if view is not None and view not in names:
         raise ConfigError(f"--view {view}: {recorded.folder} has no such view; accepted: {', '.join(names)}")
-    number = 0 if view is None else names.index(view)
-    events, end = recorded_events(recorded, number)
-    if not events:
-        raise RunError(f"{recorded.folder}: holds no event of view {names[number]}; wanted a run that had begun")
     plan = recorded.plan if view is None else plan_of_view(recorded.plan, view)
-    began = events[0].input_time
-    count = 1 + math.floor(max(0.0, end - began) * rate + ROUNDED)
-    return plan, [shown_at(recorded.plan.views[number], events, began + k / rate) for k in range(count)]
+    numbers = range(len(names)) if view is None else [names.index(view)]
+    shown, ends = zip(*(recorded_events(recorded, number) for number in numbers), strict=True)
+    for number, events in zip(numbers, shown, strict=True):
+        if not events:
+            raise RunError(f"{recorded.folder}: holds no event of view {names[number]}; wanted a run that had begun")
+    began = min(events[0].input_time for events in shown)
+    count = 1 + math.floor(max(0.0, max(ends) - began) * rate + ROUNDED)
+    times = (began + k / rate for k in range(count))
+    return plan, [[shown_at(own, events, t) for own, events in zip(plan.views, shown, strict=True)] for t in times]
 
 
 def shown_at(view: View, events: Sequence[Event], time: float) -> Event:

@@ -6,26 +6,30 @@ Each is the image of `wall render` at its moment, made from the scene, whatever 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.commands.offline import OfflineRenderer, bands_of, event_at, panels_of, tiles_of
-from wall.commands.render import assembled
+from wall.commands.offline import OfflineRenderer, event_at
+from wall.commands.one_view import plans_of_views
+from wall.commands.whole_image import ViewPart, assembled, display_of, parts_of
 from wall.core.data import Event, Float32
 from wall.core.errors import ConfigError
 from wall.core.mpi import under_mpi
 from wall.display.film import check_film, write_film
-from wall.display.image_file import Over, check_suffix, display_values, write_image
+from wall.display.image_file import Display, Over, check_suffix, write_image
 from wall.roles.plan import Plan
 from wall.sampling.pixel_layers import blank_columns
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 Done = Callable[[int], None]  # is told how many frames are done
+Moment: TypeAlias = Sequence[Event]  # of each view
+Frame: TypeAlias = tuple[Float32, Display]  # (h, w, 3) float32 linear RGB, and how it is displayed
 MOST_FRAMES = 1_000_000
 MOST_HZ = 1000.0
 
@@ -83,42 +87,55 @@ def checked_rate(rate: float, option: str = "--rate") -> float:
 
 
 def render_frames(plan: Plan, quality: Quality, numbers: range, targets: Targets, *, rate: float, done: Done) -> None:
-    """Render frames of a plan's first view, of the moments number / rate, seconds, and write them.
+    """Render frames of a plan's views, of the moments number / rate, seconds, and write them.
 
     Raises RunError naming a file that cannot be written.
     """
-    events = [event_at(plan, number / rate) for number in numbers]
-    images = rendered_frames(plan, make_tracer_scene(plan.scene), events, quality)
-    write_frames(images, events, numbers, targets, hz=rate_of(rate, numbers.step), done=done)
+    plans = plans_of_views(plan)
+    moments = ([event_at(own, number / rate) for own in plans] for number in numbers)
+    frames = rendered_frames(plan, make_tracer_scene(plan.scene), moments, quality)
+    write_frames(frames, numbers, targets, hz=rate_of(rate, numbers.step), done=done)
 
 
 def rendered_frames(
-    plan: Plan, tracer_scene: TracerScene, events: Iterable[Event], quality: Quality
-) -> Iterator[Float32]:
-    """The first view's image under each event: (h, w, 3) float32 linear RGB. What shows the same is rendered once."""
-    panels = panels_of(plan.layout, quality.size)
-    bands = [band for tile in tiles_of(panels, seed=quality.seed) for band in bands_of(tile)]
-    renderer: OfflineRenderer | None = None
-    shown, image = object(), np.zeros((0, 0, 3), np.float32)
-    for event in events:
+    plan: Plan, tracer_scene: TracerScene, moments: Iterable[Moment], quality: Quality
+) -> Iterator[Frame]:
+    """The image of all views in each moment. A view that shows the same as before is not rendered again."""
+    parts = [_RenderedPart(part, tracer_scene, quality.spp) for part in parts_of(plan, quality.size, seed=quality.seed)]
+    bands = [band for part in parts for band in part.bands]
+    image = np.zeros((0, 0, 3), np.float32)
+    for moment in moments:
+        changed = [part.render(event) for part, event in zip(parts, moment, strict=True)]
+        if any(changed):
+            image = assembled(bands, [band for part in parts for band in part.rendered], blank_columns(()))
+        yield image, display_of([part.part for part in parts], [event.tone for event in moment])
+
+
+class _RenderedPart:
+    """A view's part of the image, as it was rendered last."""
+
+    def __init__(self, part: ViewPart, tracer_scene: TracerScene, spp: int) -> None:
+        self.part, self.bands, self.rendered = part, part.bands, list[Float32]()
+        scene = tracer_scene.under(part.plan.scene)
+        self._renderer = OfflineRenderer(part.plan, scene, part.event_at(0.0), spp=spp)
+        self._seen: object = None
+
+    def render(self, event: Event) -> bool:
+        """Render the part under an event, unless it shows the same as before. Returns whether it was rendered."""
         seen = event.camera, event.scene_time, event.edits.of_scene
-        if renderer is None:
-            renderer = OfflineRenderer(plan, tracer_scene, event, spp=quality.spp)
-        if seen != shown:
-            renderer.event = event
-            image = assembled(bands, list(renderer.bands(bands, lambda band: band)), blank_columns(()))
-        shown = seen
-        yield image
+        if seen == self._seen:
+            return False
+        self._renderer.event, self._seen = event, seen
+        self.rendered = list(self._renderer.bands(self.bands, lambda band: band))
+        return True
 
 
-def write_frames(
-    images: Iterable[Float32], events: Iterable[Event], numbers: range, targets: Targets, *, hz: Fraction, done: Done
-) -> None:
-    """Write each image, exposed as its event is, to its file and to the film, which shows `hz` a second.
+def write_frames(frames: Iterable[Frame], numbers: range, targets: Targets, *, hz: Fraction, done: Done) -> None:
+    """Write each image to its file and to the film, which shows `hz` a second.
 
     Raises RunError naming a file that cannot be written.
     """
-    written = _written(images, events, numbers, targets, done)
+    written = _written(frames, numbers, targets, done)
     if targets.film is not None:
         write_film(targets.film, written, hz=hz)
     else:
@@ -126,13 +143,11 @@ def write_frames(
             pass
 
 
-def _written(
-    images: Iterable[Float32], events: Iterable[Event], numbers: range, targets: Targets, done: Done
-) -> Iterator[NDArray[np.uint8]]:
-    for count, (image, event, number) in enumerate(zip(images, events, numbers, strict=True), 1):
+def _written(frames: Iterable[Frame], numbers: range, targets: Targets, done: Done) -> Iterator[NDArray[np.uint8]]:
+    for count, ((image, display), number) in enumerate(zip(frames, numbers, strict=True), 1):
         if targets.pattern is not None:
-            write_image(targets.file(number), image, tone=event.tone, over=targets.over)
-        codes = display_values(image, tone=event.tone)
+            write_image(targets.file(number), image, display=display, over=targets.over)
+        codes = display(image)
         if targets.over is not None:
             targets.over(codes)
         yield codes

@@ -25,6 +25,11 @@ def plan_of_view(plan: Plan, name: str) -> Plan:
     return Plan(layout=layout, scene=plan.scene_of(k), views=plan.views[k : k + 1])
 
 
+def plans_of_views(plan: Plan) -> list[Plan]:
+    """The plan of each view by itself."""
+    return [plan] if len(plan.views) == 1 else [plan_of_view(plan, view.id) for view in plan.layout.config.views]
+
+
 def _number(layout: Layout, name: str) -> int:
     known = [view.id for view in layout.config.views]
     if name not in known:

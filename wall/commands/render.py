@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from itertools import groupby
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from wall.commands.offline import Band, OfflineRenderer, bands_of, event_at, image_size, panels_of, tiles_of
+from wall.commands.offline import Band, OfflineRenderer
+from wall.commands.whole_image import assembled, parts_of
 from wall.core.data import Float32
 from wall.core.mpi import under_mpi
 from wall.roles.plan import Layout, Plan
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from wall.run.bootstrap_mpi import MpiBootstrap
 
 Progress = Callable[[int, int], None]  # is told the work done, and all there is
+Work: TypeAlias = tuple[OfflineRenderer, Band]
 
 
 def render(
@@ -33,8 +36,8 @@ def render(
 ) -> Float32 | None:
     """Render the image at scene time `at`, seconds: (h, w, 3) float32 linear RGB at rank 0, None at other MPI ranks.
 
-    A flat wall is rendered through its plane at `size` (width, height), its height filling the image; other walls
-    panel by panel, at pixels that make their image that large. Raises ConfigError.
+    A flat wall of one view is rendered through its plane at `size` (width, height), its height filling the image; other
+    walls panel by panel, at pixels that make their image that large. Raises ConfigError.
     """
     found = render_layers(plan, spp=spp, seed=seed, at=at, size=size, progress=progress)
     return None if found is None else found["colour"]
@@ -58,13 +61,16 @@ def render_layers(
     All arrays are float32: albedo and normal (h, w, 3), depth and variance (h, w); but object_id, (h, w) uint32.
     """
     world = _ranks_of(plan.layout) if under_mpi() else None
-    panels = panels_of(plan.layout, size)
-    bands = [band for tile in tiles_of(panels, seed=seed) for band in bands_of(tile)]
     tracer_scene = make_tracer_scene(plan.scene) if tracer_scene is None else tracer_scene
-    renderer = OfflineRenderer(plan, tracer_scene, event_at(plan, at), spp=spp, layers=layers)
+    work: list[Work] = []
+    for part in parts_of(plan, size, seed=seed):
+        scene = tracer_scene.under(part.plan.scene)
+        renderer = OfflineRenderer(part.plan, scene, part.event_at(at), spp=spp, layers=layers)
+        work += [(renderer, band) for band in part.bands]
+    bands = [band for _, band in work]
     if world is None:
-        return unstacked(assembled(bands, _rendered(renderer, bands, progress), blank_columns(layers)), layers)
-    own = _rendered(renderer, bands[world.rank :: world.size], progress, threads=1)
+        return unstacked(assembled(bands, _rendered(work, progress), blank_columns(layers)), layers)
+    own = _rendered(work[world.rank :: world.size], progress, threads=1)
     received = world.gather(b"".join(band.tobytes() for band in own))
     if received is None:
         return None
@@ -83,15 +89,14 @@ def _ranks_of(layout: Layout) -> MpiBootstrap:
     return world
 
 
-def _rendered(
-    renderer: OfflineRenderer, bands: list[Band], progress: Progress, *, threads: int | None = None
-) -> list[Float32]:
+def _rendered(work: list[Work], progress: Progress, *, threads: int | None = None) -> list[Float32]:
     """Each band, (h, w, columns) float32: linear RGB, and layers."""
     rendered: list[Float32] = []
-    progress(0, len(bands))
-    for band in renderer.bands(bands, lambda band: band, threads=threads):
-        rendered.append(band)
-        progress(len(rendered), len(bands))
+    progress(0, len(work))
+    for renderer, own in groupby(work, lambda each: each[0]):
+        for band in renderer.bands((band for _, band in own), lambda band: band, threads=threads):
+            rendered.append(band)
+            progress(len(rendered), len(work))
     return rendered
 
 
@@ -99,13 +104,3 @@ def _unpacked(data: bytes, bands: list[Band], columns: int) -> list[Float32]:
     """The bands that one rank rendered, from the float32 bytes that it sent."""
     values = iter(np.split(np.frombuffer(data, np.float32), np.cumsum([columns * rect.area for _, rect in bands])))
     return [next(values).reshape(rect.height, rect.width, columns) for _, rect in bands]
-
-
-def assembled(bands: list[Band], rendered: list[Float32], blank: Float32) -> Float32:
-    """Put the bands in their places of the image; pixels of no band are `blank` (columns,)."""
-    width, height = image_size(tile.panel for tile, _ in bands)
-    image = np.tile(blank, (height, width, 1))
-    for (tile, rect), band in zip(bands, rendered, strict=True):
-        x, y = tile.rect.x + rect.x, tile.rect.y + rect.y
-        image[y : y + rect.height, x : x + rect.width] = band
-    return image

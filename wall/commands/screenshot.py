@@ -17,15 +17,13 @@ from wall.commands.offline import (
     bands_of,
     event_at,
     image_size,
-    panels_of,
-    scale_to,
     scaled,
     tiles_of,
-    view_panels,
 )
-from wall.commands.one_view import layout_of_view, plan_of_view
+from wall.commands.one_view import layout_of_view, plan_of_view, plans_of_views
 from wall.commands.render import Progress
 from wall.commands.terminal import print_notes
+from wall.commands.whole_image import panels_of_views
 from wall.config.loading import Loaded
 from wall.core.colour import srgb_decoded
 from wall.core.data import Rect
@@ -108,11 +106,11 @@ def screenshot(loaded: Loaded, path: Path, shot: Shot, progress: Progress) -> li
 
 def _renderers(plan: Plan, shot: Shot) -> list[OfflineRenderer]:
     """One for each view of the plan, under its own camera, exposure and integrator."""
-    tracer_scene, found = make_tracer_scene(plan.scene), list[OfflineRenderer]()
-    for view in plan.layout.config.views:
-        own = plan if len(plan.views) == 1 else plan_of_view(plan, view.id)
-        found.append(OfflineRenderer(own, tracer_scene.under(own.scene), event_at(own, shot.at), spp=shot.spp))
-    return found
+    tracer_scene = make_tracer_scene(plan.scene)
+    return [
+        OfflineRenderer(own, tracer_scene.under(own.scene), event_at(own, shot.at), spp=shot.spp)
+        for own in plans_of_views(plan)
+    ]
 
 
 def _together(parts: list[Iterator[Image]], tiles: list[list[Tile]]) -> Iterator[Image]:
@@ -135,9 +133,7 @@ def rendered_strips(
     width, height = size
     starts = range(0, height, STRIP_ROWS)
     work = (band for y in starts for band in _bands(tiles, y))
-    bands = renderer.bands(
-        work, (lambda band: band) if linear else partial(display_values, tone=renderer.event.tone)
-    )
+    bands = renderer.bands(work, (lambda band: band) if linear else partial(display_values, tone=renderer.event.tone))
     for y in starts:
         strip = np.zeros((min(STRIP_ROWS, height - y), width, 3), np.float32 if linear else np.uint8)
         for tile, rect in _bands(tiles, y):
@@ -159,11 +155,7 @@ def _files(layout: Layout, path: Path, shot: Shot) -> list[_File]:
         names = file_names([panel.id for panel in layout.wall.panels], stem=path.stem, suffix=path.suffix)
         files = zip(names, layout.wall.panels, strict=True)
         return [_file(path.with_name(name), _on_panel(layout, panel, shot.scale), shot) for name, panel in files]
-    if len(layout.config.views) == 1:
-        return [_file(path, {0: panels_of(layout, shot.size, scale=shot.scale)}, shot)]
-    scale = shot.scale if shot.size is None else scale_to(shot.size, layout)
-    shown = sorted({panel.view for panel in layout.wall.viewports} - {NO_VIEW})
-    return [_file(path, {view: view_panels(layout, view, scale) for view in shown}, shot)]
+    return [_file(path, panels_of_views(layout, shot.size, scale=shot.scale), shot)]
 
 
 def _file(path: Path, views: dict[int, list[Panel]], shot: Shot) -> _File:

@@ -145,9 +145,9 @@ def load_config(
     return loaded
 
 
-def print_notes(plan: Plan, *more: str) -> None:
-    """Say at rank 0 what is unusual about the wall, what of its models is not drawn as their files say, and more."""
-    for note in (*plan.layout.notes, *plan.scene.notes, *more) if mpi_rank() == 0 else ():
+def print_notes(plan: Plan) -> None:
+    """Say at rank 0 what is unusual about the wall, and what of its models is not drawn as their files say."""
+    for note in (*plan.layout.notes, *plan.scene.notes) if mpi_rank() == 0 else ():
         errors.print(f"note: {note}")
 
 

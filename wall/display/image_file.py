@@ -16,6 +16,7 @@ from wall.core.tone_mapping import AS_IT_IS, Tone, tone_mapped
 from wall.display.files import check_target, replaced
 
 Over: TypeAlias = Callable[[NDArray[Any]], None]
+Display: TypeAlias = Callable[[Float32], NDArray[np.uint8]]
 
 SUFFIXES = (".png", ".exr", ".npy")
 CHANNELS = {  # of layers in an EXR, as renderers name them
@@ -39,14 +40,15 @@ def display_values(linear: Float32, *, tone: Tone = AS_IT_IS) -> NDArray[np.uint
     return srgb_codes(exposed if tone.mapping == "none" else tone_mapped(exposed, tone.mapping))
 
 
-def write_image(path: Path, image: Float32, *, tone: Tone = AS_IT_IS, over: Over | None = None) -> None:
-    """Write (h, w, 3) float32 linear RGB: EXR and NPY as it is, PNG as display values, exposed. Raises RunError.
+def write_image(path: Path, image: Float32, *, display: Display = display_values, over: Over | None = None) -> None:
+    """Write (h, w, 3) float32 linear RGB: EXR and NPY as it is, PNG as display values. Raises RunError.
 
+    display : makes them
     over : draws over what is written, float32 light or uint8 display values
     """
     check_suffix(path)
     shown = path.suffix.lower() not in (".npy", ".exr")
-    pixels: NDArray[Any] = display_values(image, tone=tone) if shown else image
+    pixels: NDArray[Any] = display(image) if shown else image
     if over is not None:
         pixels = pixels.copy()
         over(pixels)

@@ -64,7 +64,7 @@ def render(
         pixel's mean, mean of the three channels
     seed : of random numbers, 0 to 2^32 - 1
     at : time of the animation, seconds
-    view : name of the view to render, as large as its place on the wall; None: the first one, on all of the wall
+    view : name of the view to render, as large as its place on the wall; None: all, in their places
 
     Raises ConfigError for what cannot be rendered.
     """

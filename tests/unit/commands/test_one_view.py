@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
+from typer.testing import CliRunner
 
-from wall.commands.one_view import plan_of_view
+from wall import cli
+from wall.commands.frames import Quality, rendered_frames
+from wall.commands.offline import OfflineRenderer, event_at
+from wall.commands.one_view import plan_of_view, plans_of_views
 from wall.commands.render import render
 from wall.commands.screenshot import Shot, screenshot
-from wall.config.loading import loads
+from wall.config.loading import load, loads
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
 from wall.core.tone_mapping import Tone
 from wall.display.image_file import display_values
 from wall.roles.plan import Plan, make_layout, make_plan
+from wall.tracing.tracer_scene import make_tracer_scene
 
 CAMERA = "camera: {position: [6, 4.5, 10], target: [0, 0.6, 0], fov: 40}"
 PATH = "integrator: {method: path, depth: 2}"
@@ -85,9 +92,42 @@ def test_a_screenshot_without_it_has_all_views_in_their_places(
     assert np.abs(found.astype(int) - swapped).mean() > 16.0
 
 
-def test_a_view_with_all_panels_is_what_it_is_without_the_option(compiled_only: None) -> None:
-    plan = plan_for(text_of(TWO))
-    np.testing.assert_array_equal(rendered(plan_of_view(plan, "main")), rendered(plan))
+def test_wall_render_has_all_views_as_a_screenshot_has(tmp_path: Path, compiled_only: None) -> None:
+    config, files = tmp_path / "wall.yaml", [tmp_path / "rendered.png", tmp_path / "shot.png"]
+    config.write_text(text_of(TWO), encoding="utf-8")
+    done = CliRunner().invoke(cli.app, ["render", str(config), "--spp", "2", "--seed", "3", "-o", str(files[0])])
+    assert done.exit_code == 0, done.output
+    screenshot(load(config), files[1], Shot(spp=2, seed=3), lambda done, total: None)
+    image, shot = (np.asarray(Image.open(file)) for file in files)
+    np.testing.assert_array_equal(image, shot)
+    size = ["--size", "60x60"]
+    refused = CliRunner().invoke(cli.app, ["render", str(config), *size, "--spp", "1", "-o", str(files[0])])
+    assert "these panels show several views" in str(refused.exception)
+
+
+def test_frames_have_all_views_and_what_stands_still_is_rendered_once(
+    monkeypatch: pytest.MonkeyPatch, compiled_only: None
+) -> None:
+    """Of two views one follows a path; the other, whose time stands still, has the same bits and was made once."""
+    path = ", path: {type: orbit, period_s: 5}}\n  - {id: corner, time: {paused: true}"
+    plan, made = plan_for(text_of(TWO.replace("}\n  - {id: corner", path))), Counter[str]()
+    bands = OfflineRenderer.bands
+
+    def counted(renderer: OfflineRenderer, *more: Any, **options: Any) -> Any:
+        made[renderer._plan.layout.config.views[0].id] += 1
+        return bands(renderer, *more, **options)
+
+    monkeypatch.setattr(OfflineRenderer, "bands", counted)
+    moments = [[event_at(own, at) for own in plans_of_views(plan)] for at in (0.0, 1.0)]
+    found = rendered_frames(plan, make_tracer_scene(plan.scene), moments, Quality(spp=2, seed=3))
+    (first, display), (second, _) = found
+    assert made == {"main": 2, "corner": 1}
+    np.testing.assert_array_equal(first, rendered(plan))
+    np.testing.assert_array_equal(first[3:15, 21:63], second[3:15, 21:63])
+    assert (first[15:] != second[15:]).mean() > 0.2
+    codes = display(first)
+    np.testing.assert_array_equal(codes[15:], display_values(first[15:]))
+    np.testing.assert_array_equal(codes[3:15, 21:63], display_values(first[3:15, 21:63], tone=Tone(1.0)))
 
 
 def test_a_view_that_is_not_there_is_refused_with_those_that_are() -> None:
