@@ -108,7 +108,7 @@ def _render_image(
     planned: Callable[[], Plan], output: Path, quality: Quality, *, at: float, layers: Names, denoise: bool,
     legend: bool,
 ) -> None:  # fmt: skip
-    from wall.commands.legends import legends_of
+    from wall.commands.legends import wanted_legends
     from wall.commands.progress import progress_bar
     from wall.commands.render import render_layers
     from wall.commands.whole_image import display_of, parts_of
@@ -119,7 +119,7 @@ def _render_image(
     needed = tuple(dict.fromkeys((*layers, *(("albedo", "normal") if denoise else ()))))
     with progress_bar("rendering") as update:
         plan = planned()
-        over = legends_of(plan.layout, quality.size).draw if legend else None
+        over = wanted_legends(plan.layout, quality.size).draw if legend else None
         found = render_layers(
             plan,
             spp=quality.spp,
@@ -153,7 +153,7 @@ def _render_frames(
     film: Path | None, legend: bool,
 ) -> None:  # fmt: skip
     from wall.commands.frames import Targets, checked_rate, parse_frames, render_frames
-    from wall.commands.legends import legends_of
+    from wall.commands.legends import wanted_legends
     from wall.commands.progress import progress_bar
 
     if frames is None or (output is None and film is None):
@@ -164,7 +164,7 @@ def _render_frames(
     with progress_bar("rendering frames") as update:
         plan = planned()
         if legend:
-            targets = replace(targets, over=legends_of(plan.layout, quality.size).draw)
+            targets = replace(targets, over=wanted_legends(plan.layout, quality.size).draw)
         update(total=len(numbers))
         render_frames(plan, quality, numbers, targets, rate=rate, done=lambda count: update(completed=count))
     for name in filter(None, (output, film)):

@@ -19,6 +19,7 @@ from wall.commands.frames import (
     rendered_frames,
     write_frames,
 )
+from wall.commands.legends import legends_of
 from wall.commands.one_view import plan_of_view
 from wall.commands.progress import progress_bar
 from wall.commands.terminal import console, errors
@@ -101,7 +102,8 @@ def make_film(folder: Path, film: Path, quality: Quality, *, rate: float, view: 
 def replay_film(
     folder: Path, film: Path, quality: Quality, *, rate: float, view: str | None, total: Done, done: Done
 ) -> int:
-    """Render the film of one view of a recorded run, of all if `view` is None. Returns the number of frames.
+    """Render the film of one view of a recorded run; of all, and its legends, if `view` is None. Returns how many
+    frames it has.
 
     `total` is told how many there will be. Raises ConfigError, and RunError.
     """
@@ -110,6 +112,8 @@ def replay_film(
     rate = checked_rate(rate)
     recorded = open_recording(folder)
     plan, moments = frames_of(recorded, view=view, rate=rate)
+    if view is None:  # legends stand on the wall, wherever views are
+        targets = replace(targets, over=legends_of(plan.layout, quality.size, where="--film").draw)
     total(len(moments))
     frames = rendered_frames(plan, make_tracer_scene(plan.scene), moments, quality)
     write_frames(frames, range(len(moments)), targets, hz=rate_of(rate), done=done)

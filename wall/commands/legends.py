@@ -1,4 +1,4 @@
-"""`wall render --legend`: the legends of a configuration's graph, over an image of the scene."""
+"""The legends of a configuration's graph, over images of its scene: `wall render --legend`, and films of runs."""
 
 from __future__ import annotations
 
@@ -32,15 +32,27 @@ class Legends:
                 legend.apply([image], image, region, drawn)
 
 
-def legends_of(layout: Layout, size: tuple[int, int] | None) -> Legends:
-    """Those of a layout's graph, as they stand on its wall. `size`: of the image, which the wall's height fills.
+def wanted_legends(layout: Layout, size: tuple[int, int] | None) -> Legends:
+    """Those of a layout's graph, where they are asked for. Raises ConfigError where there are none, and as legends_of.
 
-    Raises ConfigError where there are none, or the image is too small for them.
+    size : see legends_of
     """
-    found = [step.node for step in layout.graph.steps if isinstance(step.node, Legend)]
-    if not found:
+    found = legends_of(layout, size, where="--legend")
+    if not found.drawn:
         wanted = "a graph with a node of op: legend (docs/guide/data.md)"
         raise ConfigError(f"--legend: {layout.loaded.name} has no legend; wanted: {wanted}")
+    return found
+
+
+def legends_of(layout: Layout, size: tuple[int, int] | None, *, where: str) -> Legends:
+    """Those of a layout's graph, as they stand on its wall.
+
+    size : of the image, which the wall's height fills; None: the wall's own
+    where : the option that asks for them
+
+    Raises ConfigError where the image is too small for them.
+    """
+    found = [step.node for step in layout.graph.steps if isinstance(step.node, Legend)]
     wall = layout.wall
     width, height = size or (wall.width, wall.height)
     scale = height / wall.height
@@ -52,7 +64,7 @@ def legends_of(layout: Layout, size: tuple[int, int] | None) -> Legends:
         text = round(scale * legend.size)
         if text < SMALLEST or min(area[2:]) < 4 * text:
             raise ConfigError(
-                f"--legend: text of legend {legend.id} would be {text} pixels high in {width}x{height}; "
+                f"{where}: text of legend {legend.id} would be {text} pixels high in {width}x{height}; "
                 f"wanted: at least {SMALLEST}, a larger --size"
             )
         scaled = legend.model_copy(update={"area": area, "size": text})

@@ -6,15 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 from typer.testing import CliRunner
 
 from wall import cli
-from wall.commands.legends import legends_of
-from wall.config.loading import loads
+from wall.commands.film import replay_film
+from wall.commands.frames import Quality
+from wall.commands.legends import legends_of, wanted_legends
+from wall.config.loading import load, loads
 from wall.core.errors import ConfigError
+from wall.display.film import read_film
 from wall.display.image_file import write_image
 from wall.roles.plan import make_layout
+from wall.run import launch
 
 PLAIN = """\
 version: 1
@@ -36,7 +41,7 @@ LIGHT = 0.5
 def drawn(size: tuple[int, int] | None, shape: tuple[int, int]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Which pixels of a plain image legends change."""
     image = np.full((*shape, 3), LIGHT, np.float32)
-    legends_of(make_layout(loads(TEXT)), size).draw(image)
+    wanted_legends(make_layout(loads(TEXT)), size).draw(image)
     return np.asarray((image != LIGHT).any(axis=2))
 
 
@@ -54,9 +59,11 @@ def test_a_legend_covers_its_area_scaled_with_the_image_and_in_its_middle() -> N
 
 def test_what_cannot_be_drawn_is_refused() -> None:
     with pytest.raises(ConfigError, match="has no legend; wanted: a graph with a node of op: legend"):
-        legends_of(make_layout(loads(PLAIN)), None)
+        wanted_legends(make_layout(loads(PLAIN)), None)
     with pytest.raises(ConfigError, match=r"text of legend told would be 4 pixels high in 80x60; wanted: at least 6"):
-        legends_of(make_layout(loads(TEXT)), (80, 60))
+        wanted_legends(make_layout(loads(TEXT)), (80, 60))
+    with pytest.raises(ConfigError, match=r"^--film: text of legend told would be 4 pixels high in 80x60"):
+        legends_of(make_layout(loads(TEXT)), (80, 60), where="--film")
 
 
 def test_render_draws_it_over_display_values_and_leaves_light_as_it_was(tmp_path: Path, compiled_only: None) -> None:
@@ -70,6 +77,23 @@ def test_render_draws_it_over_display_values_and_leaves_light_as_it_was(tmp_path
     assert changed.sum() <= 80 * 40
 
     light = np.full((120, 160, 3), LIGHT, np.float32)
-    write_image(tmp_path / "light.npy", light, over=legends_of(make_layout(loads(TEXT)), None).draw)
+    write_image(tmp_path / "light.npy", light, over=wanted_legends(make_layout(loads(TEXT)), None).draw)
     assert (np.load(tmp_path / "light.npy") != LIGHT).any()
     assert (light == LIGHT).all()
+
+
+def test_the_film_of_a_run_has_the_legends_that_its_wall_showed(tmp_path: Path, compiled_only: None) -> None:
+    """But not that of one view, which is not where it is on the wall. One frame: 160 x 120 pixels, through H.264."""
+    config, events, seen = tmp_path / "wall.yaml", tmp_path / "run.events", list[NDArray[np.uint8]]()
+    config.write_text(TEXT + "transport: {kind: loopback}\n")
+    options = launch.Options(out=tmp_path / "out", headless=True, seconds=0.2, record=events)
+    outcome = launch.run(load(config), options, say=print, opened=print)
+    assert outcome is not None
+    assert outcome.failed == ""
+    for name, view in (("all.mp4", None), ("main.mp4", "main")):
+        film = tmp_path / name
+        assert replay_film(events, film, Quality(spp=1, seed=1), rate=1.0, view=view, total=print, done=print) == 1
+        seen += read_film(film)
+    changed = (np.abs(seen[0].astype(int) - seen[1]) > 40).any(axis=2)
+    assert changed[16:96, 8:48].mean() > 0.7
+    assert changed.sum() <= 84 * 44
