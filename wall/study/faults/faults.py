@@ -25,6 +25,7 @@ from wall.roles.plan import HEAD, Layout, make_layout, window_panels
 from wall.roles.stale import Place, stale_places
 from wall.study import json_lines
 from wall.study.faults.hosts import Hosts
+from wall.study.faults.intrusion import CONNECTIONS_A_S, slowed_by_stranger
 from wall.study.faults.replacement import replace_head
 from wall.study.faults.walls import FaultyWall, Slowed
 from wall.study.live.rewriting import text_in_motion
@@ -36,16 +37,19 @@ FILE = "faults.jsonl"
 OWN = Path(__file__).parents[3] / "configs" / "two_compositors.yaml"
 KILLED, FROZEN, SLOWED, FULL, REPLACED = "killed", "frozen", "slowed", "full disk", "replaced"
 CUT, SLOW_LINK, LOSSY_LINK = "cut", "slow link", "lossy link"  # of a host
+STRANGER, KEPT_OUT = "stranger", "stranger, allow"  # on the hosts' network, which transport.allow keeps out
 SETTLE_S = 3.0  # that a wall runs before it is looked at
 FROZEN_S = 1.5  # that a process stands still
 CUT_S = 8.0  # that a host is cut off: longer than a rank may be silent, and than ZeroMQ keeps a connection
 SLOW_BITS_S = 1_000_000
 LOSS, DELAY_S = 0.02, 0.02  # of packets on a lossy link, each way
 PORTS = "9000-9100"
+TURNS_A_SECOND = 2.5  # of a stranger, for each second that other faults are watched
 EVERYWHERE: Place = (0, 0, 1 << 20, 1 << 20)  # pixels
 MOST_MARKED_MS = {KILLED: 100.0, FROZEN: 400.0, CUT: 400.0}  # what is wanted, as all of the following
 MOST_LOST, LOST_S = 10.0, 1.0  # percent of the others' samples that may be lost after so long
 MOST_AGAIN_MS, MOST_REPLACED_MS = 3000.0, 5000.0
+MOST_SLOWED = 5.0  # percent that a stranger may take from all
 MOVED_S, WHOLE = 0.5, 0.8  # of the pixels that changed so shortly before the fault: over others nothing moves any more
 DISK = "1m"  # a folder of results that is soon full
 NOTE = (
@@ -55,6 +59,8 @@ NOTE = (
     f"{MOST_AGAIN_MS:g} ms. Head replaced: until the next one's page answers, and shows that; wanted: "
     f"{MOST_REPLACED_MS:g} ms. Others: samples that the other renderers lost, from {LOST_S:g} s after the fault on; "
     f"wanted: {MOST_LOST:g} %. "
+    f"Stranger: samples that all renderers lack while it connects {CONNECTIONS_A_S:g} times a second; wanted: "
+    f"{MOST_SLOWED:g} %. "
     "Left: processes 3 s after the end; wanted: none."
 )
 Say = Callable[[str], None]
@@ -100,15 +106,15 @@ def faults_of(layout: Layout, hosts: int = 0) -> list[Fault]:
     if not hosts:
         return [*kinds, *heads, Fault(kind=FULL, role="", rank=None)]
     network = [Fault(kind=kind, role="host", rank=layout.size - 1) for kind in (CUT, SLOW_LINK, LOSSY_LINK)]
-    return [*kinds, *(network if hosts > 1 else []), *heads]
+    strangers = [Fault(kind=kind, role="", rank=None) for kind in (STRANGER, KEPT_OUT)]
+    return [*kinds, *(network if hosts > 1 else []), *strangers, *heads]
 
 
 def measure(config: Path, *, seconds: float, hosts: int = 0, out: Path, say: Say) -> list[Row]:
     """Run a wall for each fault; `hosts`: see faults_of. Raises RunError, ConfigError."""
     loaded = load(config)
     if hosts:
-        transport = loaded.config.transport.model_copy(update={"bind": "0.0.0.0", "ports": PORTS})
-        loaded = loaded.with_config(loaded.config.model_copy(update={"transport": transport}))
+        loaded = _with_transport(loaded, {"bind": "0.0.0.0", "ports": PORTS})
     layout = make_layout(loaded)
     if window_panels(layout, range(layout.size)) or not any(sink.kind == "browser" for sink in layout.graph.sinks):
         raise ConfigError(f"{config}: has windows, or no page; wanted a wall whose page tells of all of it")
@@ -126,15 +132,17 @@ def measure(config: Path, *, seconds: float, hosts: int = 0, out: Path, say: Say
                 continue
             others = Bystanders()
             path = folder / config.name
-            configured = _with_standby(loaded) if fault.kind == REPLACED else loaded
-            path.write_text(text_in_motion(configured), encoding="utf-8")
             made = Hosts(hosts, folder / "hosts") if hosts else None
             if made is not None:
                 closing.callback(made.close)
-            keeps_images = fault.kind != REPLACED  # for another head could not go on with them
+            own: dict[str, Any] = {"standby": True} if fault.kind == REPLACED else {}
+            if fault.kind == KEPT_OUT and made is not None:
+                own = {"allow": tuple(f"{address}/32" for address in made.addresses)}
+            path.write_text(text_in_motion(_with_transport(loaded, own)), encoding="utf-8")
+            keeps_images = fault.kind not in (REPLACED, STRANGER, KEPT_OUT)  # another head could not go on with them
             wall = FaultyWall(path, folder, results, keeps_images=keeps_images, hosts=made, ranks=layout.size)
             closing.callback(wall.close)
-            measured = _replaced if fault.kind == REPLACED else _measured
+            measured = {REPLACED: _replaced, STRANGER: _slowed, KEPT_OUT: _slowed}.get(fault.kind, _measured)
             rows.append(measured(config, layout, fault, wall, others, seconds=seconds, results=results))
         shutil.rmtree(folder / IMAGES, ignore_errors=True)
         json_lines.append(out / FILE, rows[-1])
@@ -204,6 +212,17 @@ def _replaced(
     return _row(config, fault, others, (answers, None, again, None), left=left, why="; ".join(found))
 
 
+def _slowed(
+    config: Path, layout: Layout, fault: Fault, wall: FaultyWall, others: Bystanders, *, seconds: float, results: Path
+) -> Row:
+    time.sleep(SETTLE_S)
+    lost = slowed_by_stranger(wall, layout, PORTS, turns=max(1, round(seconds * TURNS_A_SECOND)))
+    code, left = wall.end(signal.SIGINT)
+    found = [f"renderers lost {lost} %"] if lost > MOST_SLOWED else []
+    found += [] if code == 0 else [f"the wall ended with {code}: {wall.said.strip()[-300:]}"]
+    return _row(config, fault, others, (None, None, None, lost), left=left, why="; ".join(found))
+
+
 def _row(
     config: Path, fault: Fault, others: Bystanders, found: tuple[float | None, ...], *, left: int, why: str
 ) -> Row:
@@ -218,8 +237,8 @@ def _row(
     )  # fmt: skip
 
 
-def _with_standby(loaded: Loaded) -> Loaded:
-    transport = loaded.config.transport.model_copy(update={"standby": True})
+def _with_transport(loaded: Loaded, changes: dict[str, Any]) -> Loaded:
+    transport = loaded.config.transport.model_copy(update=changes)
     return loaded.with_config(loaded.config.model_copy(update={"transport": transport}))
 
 

@@ -56,7 +56,10 @@ class Hosts:
         lines = (f"{NETWORK}.{number} {name}\n" for number, name in enumerate(self.names, start=1))
         known.write_text("127.0.0.1 localhost\n" + "".join(lines), encoding="utf-8")
         self._switch = self._hold(["unshare", "-U", "-r", "-n"])
-        self._in_switch("ip link set lo up && ip link add wall type bridge && ip link set wall up")
+        self._in_switch(
+            "ip link set lo up && ip link add wall type bridge && ip link set wall up && "
+            f"ip addr add {NETWORK}.254/24 dev wall"
+        )
         self._processes: dict[str, int] = {}
         inside = [*self._entered(self._switch, "-U", "-n"), "unshare", "-n", "-u", "-m", "-T", "-f"]
         for number, name in enumerate(self.names, start=1):
@@ -114,6 +117,15 @@ class Hosts:
     def at(self, host: str, *command: str) -> list[str]:
         """A command that runs on a host."""
         return [*self._entered(self._processes[host], "-U", "-n", "-u", "-m", "-T"), *command]
+
+    def beside(self, *command: str) -> list[str]:
+        """A command that runs on the network of the hosts, but on none of them."""
+        return [*self._entered(self._switch, "-U", "-n"), *command]
+
+    @property
+    def addresses(self) -> list[str]:
+        """Those of the hosts, in their order."""
+        return [f"{NETWORK}.{number}" for number in range(1, len(self.names) + 1)]
 
     def mpirun(self, ranks: int, *options: str) -> list[str]:
         """A launcher of a run, the head alone on its host, by mpirun of Open MPI 5. Raises RunError without one."""
