@@ -16,6 +16,14 @@ T = TypeVar("T")
 measure = typer.Typer(no_args_is_help=True, help="Measure this machine and this code.")
 
 
+@measure.callback()
+def begin() -> None:
+    """Measure this machine and this code."""
+    from wall.commands.terminal import end_in_order
+
+    end_in_order()
+
+
 @measure.command()
 def speed(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File for the rows, JSON lines")] = None,

@@ -60,7 +60,8 @@ def test_two_methods_are_measured_on_the_wall(tmp_path: Path) -> None:
     assert not list(folder.rglob("*.raw")), "recordings are large"
 
 
-def test_ctrl_c_leaves_no_process_behind(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_no_process_behind(tmp_path: Path, number: int) -> None:
     config, out = write_config(tmp_path, path=ORBIT), tmp_path / "out"
     log = out / "wall-0-1cores" / "adaptive" / "run.log"
     measuring = start("measure", "live", config, *OPTIONS, "--seconds", 60, "--out", out)
@@ -68,7 +69,7 @@ def test_ctrl_c_leaves_no_process_behind(tmp_path: Path) -> None:
         until_written(log, "starting", START_LIMIT_S)
         assert len(processes_of(str(tmp_path))) >= 2, "this command and the wall"
 
-        os.kill(measuring.pid, signal.SIGINT)
+        os.kill(measuring.pid, number)
 
         assert measuring.wait(STOP_LIMIT_S) != 0
         assert processes_of(str(tmp_path)) == []

@@ -6,6 +6,7 @@ import copy
 import errno
 import os
 import re
+import signal
 import socket
 import sys
 from collections.abc import Callable
@@ -26,6 +27,7 @@ if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` d
     from wall.roles.plan import Plan
 
 FAILED, REFUSED, INTERRUPTED = 1, 2, 130  # exit codes
+SIGNALLED = 128  # likewise, and the number of a signal
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all but tab and line end
 
@@ -175,6 +177,17 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
     if not (x and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise ConfigError(f"--size {text}: wanted WIDTHxHEIGHT in pixels, such as 960x540")
     return int(width), int(height)
+
+
+def end_in_order() -> None:
+    """Let SIGTERM and SIGHUP end this command as Ctrl-C does: what it has started is ended, too."""
+
+    def end(number: int, _: object) -> None:
+        sys.exit(SIGNALLED + number)
+
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup wants it
+            signal.signal(number, end)
 
 
 def _with_rank(message: str) -> str:

@@ -100,6 +100,13 @@ class Died:
 
 
 @dataclass(frozen=True, slots=True)
+class Parted:
+    """The connection by which a rank spoke has closed: its process has ended, or its host cannot be reached."""
+
+    rank: int
+
+
+@dataclass(frozen=True, slots=True)
 class End:
     """Somebody wants the run to end."""
 
@@ -157,6 +164,7 @@ Input: TypeAlias = (
     | Traced
     | Presented
     | Died
+    | Parted
     | End
     | PlanMade
     | Changed

@@ -35,6 +35,7 @@ from wall.roles.instructions import (
     Instruction,
     Invitation,
     Packet,
+    Parted,
     PlanMade,
     Send,
     TrackerPacket,
@@ -198,8 +199,8 @@ class Manager:
                 self._grow(self.plan)
             elif isinstance(message, Invitation):
                 self.joining.invitation = message
-            elif isinstance(message, Leave):
-                self.register.leave(message.rank, now)
+            elif isinstance(message, Leave | Parted):
+                (self.register.leave if isinstance(message, Leave) else self.register.part)(message.rank, now)
             elif isinstance(message, EditRequest):
                 steer = partial(self.commands.take_asked, plan=self.plan, directors=self.directors, now=now)
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now, steer))

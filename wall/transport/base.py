@@ -140,6 +140,10 @@ class Hub(ABC):
         """The rank by whose key a peer speaks, GUEST or NOBODY; None where there are no keys."""
         return None
 
+    def parted(self) -> set[bytes]:
+        """Peers whose connections have closed since this was asked last; of threads of one process there are none."""
+        return set()
+
     def admit(self, rank: int, key: str) -> None:
         """From now on take new connections of a rank by this key, and by no other; without keys by none."""
         return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import struct
 from collections.abc import Sequence
 
 import zmq
@@ -12,6 +13,7 @@ from wall.transport.base import MAX_MESSAGE_BYTES
 
 LINGER_MS = 200  # for the last words of a socket that is closed
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000  # of ZMTP; machines with more ranks than cores are late by seconds
+_EVENT = struct.Struct("=Hi")  # of libzmq: which, and here the descriptor
 HANDSHAKE_MS = 4_000  # for a connection to say who it is: one that does not is closed; ours tries again
 
 
@@ -47,6 +49,27 @@ def bind_to(socket: zmq.Socket[bytes], bind: str, ports: tuple[int, int] | None)
         f"transport.ports: none of {first}-{last} is free at {bind}; wanted: two for the head, and one for each other "
         "compositor of a machine"
     )
+
+
+def closing_of(context: zmq.Context[zmq.Socket[bytes]], socket: zmq.Socket[bytes]) -> zmq.Socket[bytes]:
+    """A socket that tells of another one's connections that close, see closed. To be closed with the other one."""
+    address = f"inproc://closing-{id(socket)}"
+    socket.monitor(address, zmq.EVENT_DISCONNECTED)
+    closing: zmq.Socket[bytes] = context.socket(zmq.PAIR)
+    closing.setsockopt(zmq.LINGER, 0)
+    closing.setsockopt(zmq.RCVHWM, 0)  # or libzmq's own thread would wait for who reads this
+    closing.connect(address)
+    return closing
+
+
+def closed(closing: zmq.Socket[bytes], most: int) -> set[int]:
+    """Descriptors of connections that have closed since this was asked last, of so many at most."""
+    found = set()
+    for _ in range(most):
+        if (parts := receive(closing)) is None:
+            break
+        found.add(_EVENT.unpack(parts[0])[1])
+    return found
 
 
 def send(socket: zmq.Socket[bytes], parts: Sequence[bytes]) -> bool:

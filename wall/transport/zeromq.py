@@ -23,7 +23,7 @@ from wall.transport.base import MAX_CONTROL, MAX_CONTROL_BYTES, MAX_MESSAGE_BYTE
 from wall.transport.credit import HubCredit
 from wall.transport.curve import Gatekeeper, Keys, holder
 from wall.transport.shared_memory import OTHER_MACHINE, REFERENCE, RingReader, RingWriter
-from wall.transport.sockets import bind_to, open_socket, receive, send
+from wall.transport.sockets import bind_to, closed, closing_of, open_socket, receive, send
 
 DATA, CONTROL, ASK, GRANT, BYE = b"D", b"C", b"A", b"G", b"B"
 MEMORY, PLACED = b"M", b"P"  # memory to share, and what became of it; a packet that lies there
@@ -211,6 +211,21 @@ class ZmqHub(Hub):
         self._holders: dict[bytes, int] = {}  # by peer: the rank, or GUEST, whose key it has
         self._rings: dict[bytes, RingReader] = {}  # by peer
         self._messages: dict[bytes, Inbox] = {}  # by peer: none can push out another's
+        self._closing: zmq.Socket[bytes] | None = None  # tells of connections, once somebody asks
+        self._connections: dict[bytes, int] = {}  # by peer: the descriptor of that by which it spoke last
+
+    def parted(self) -> set[bytes]:
+        """Peers that spoke since this was asked first, and whose connections have closed without a goodbye."""
+        if self._closing is None:
+            self._closing = closing_of(self._context, self._socket)
+        gone = closed(self._closing, MAX_TAKEN)
+        peers = {peer: descriptor for peer, descriptor in self._connections.items() if descriptor in gone}
+        if peers:
+            self._pump(MAX_MESSAGE_BYTES)  # goodbyes, and what came by another connection since
+        peers = {peer: descriptor for peer, descriptor in peers.items() if self._connections.get(peer) == descriptor}
+        for peer in peers:
+            del self._connections[peer]
+        return set(peers)
 
     def messages(self) -> list[tuple[bytes, bytes]]:
         """Takes all control messages that arrived, each with its peer."""
@@ -246,6 +261,8 @@ class ZmqHub(Hub):
         """Closes the socket."""
         if not self._socket.closed:
             self._socket.close()
+            if self._closing is not None:
+                self._closing.close()
             self._context.term()
             self._rings.clear()
 
@@ -262,6 +279,7 @@ class ZmqHub(Hub):
             peer, tag, body = parts
             if tag == BYE:
                 self._forget(peer)
+                self._connections.pop(peer, None)
                 continue
             if peer not in self._credits and not self._welcome(peer):
                 continue
@@ -281,14 +299,18 @@ class ZmqHub(Hub):
 
     def _receive(self) -> list[bytes] | None:
         """The next message, None where there is none; empty for one by another key than its peer's first."""
-        if not self._locked:
+        if not self._locked and self._closing is None:
             return receive(self._socket)
         try:
             first = self._socket.recv(zmq.NOBLOCK, copy=False)
         except zmq.Again:
             return None
-        peer, who = first.bytes, holder(first)
-        rest = self._socket.recv_multipart()  # a message comes whole
+        peer, rest = first.bytes, self._socket.recv_multipart()  # a message comes whole
+        if self._closing is not None:
+            self._connections[peer] = first.get(zmq.SRCFD)
+        if not self._locked:
+            return [peer, *rest]
+        who = holder(first)
         if len(self._holders) > 2 * MAX_PEERS:  # kept beyond a goodbye: what came before it may lie here
             self._holders = {known: rank for known, rank in self._holders.items() if known in self._credits}
         if self._holders.setdefault(peer, who) != who:

@@ -9,7 +9,7 @@ import pytest
 from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
 
 from wall.packets.control import Alive, Membership
-from wall.roles.instructions import Died, Input
+from wall.roles.instructions import Died, Input, Parted
 from wall.roles.manager import NO_RENDERER
 from wall.roles.membership import GATHER_S, REPEAT_S
 from wall.roles.plan import HEAD, Plan
@@ -51,6 +51,24 @@ def test_a_late_rank_is_marked_long_before_it_is_lost(plan: Plan, elsewhere: Pla
     assert plan.layout.config.transport.lost_after_s == 2.0
     run.tell(after=0.2)
     assert run.manager.lost.keys() == {1}
+
+
+def test_a_rank_whose_connection_has_closed_is_marked_at_once_until_it_says_something_newer(elsewhere: Plan) -> None:
+    """What it had said before may come after: two processes' clocks are alike, and messages take their time."""
+    run = Run(elsewhere)
+
+    def present(said: list[tuple[int, Any]]) -> list[list[int]]:
+        return [[member.rank for member in each.members] for _, each in said if isinstance(each, Membership)]
+
+    run.tell(hello(HEAD), hello(1), hello(2), *run.beats(1, 2), after=GATHER_S)
+    (late,) = run.beats(2)
+    assert present(run.tell(*run.beats(1), Parted(2), after=0.01)) == [[HEAD, 1]]
+    assert present(run.tell(*run.beats(1), late, after=0.01)) == []
+    assert run.manager.lost == {}
+    assert present(run.tell(*run.beats(1), replace(late, time=run.now), after=0.01)) == [[HEAD, 1, 2]]
+    run.tell(*run.beats(1), Parted(2), after=0.01)
+    run.tell(Died(2, "signal 9", again=True), hello(2, incarnation=2), *run.beats(1), after=GATHER_S)
+    assert present(run.tell(*run.beats(1, 2), after=REPEAT_S)) == [[HEAD, 1, 2]]
 
 
 def test_rank_that_never_spoke_is_silent_from_the_start_and_lost_until_it_speaks(elsewhere: Plan) -> None:

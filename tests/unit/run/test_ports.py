@@ -30,7 +30,7 @@ from wall.packets.control import (
 from wall.packets.framelets import FrameletPart
 from wall.packets.notes import Note
 from wall.packets.samples import encode
-from wall.roles.instructions import MANAGER, Packet
+from wall.roles.instructions import MANAGER, Packet, Parted
 from wall.run.clock import HeadClock
 from wall.run.ports import REPLACED, Ports
 from wall.transport.base import FIRST_CLIENT, GUEST, PAGE, Hub
@@ -154,6 +154,33 @@ def test_viewers_ask_through_the_rank_that_serves_the_page_alone() -> None:
     assert told == [answer]
     assert list(stranger.receive()) == []
     close(rank, stranger, ports)
+
+
+def test_the_manager_knows_at_once_whose_connection_has_closed_without_a_goodbye() -> None:
+    """A process that is killed: its kernel closes what it had open. One that ends in order is told of by itself."""
+    control = open_hub("zmq", "127.0.0.1", credit_bytes=1)
+    ports, links = Ports(MANAGER, HeadClock(), hub=control), [connect(control.endpoint, rank=k) for k in range(3)]
+    came = list[object]()
+
+    def receives(*wanted: object) -> bool:
+        came.extend(ports.receive())
+        return all(one in came for one in wanted)
+
+    assert receives()
+    beats = [Heartbeat(rank=k, time=0.0) for k in range(3)]
+    for link, beat in zip(links, beats, strict=True):
+        link.send(serialise(beat))
+    assert comes_true(lambda: receives(*beats))
+    links[0].close()
+    assert isinstance(links[2], ZmqLink)
+    links[2]._socket.close(linger=0)
+    links[2]._context.term()
+    assert comes_true(lambda: receives(Parted(2)))
+    links[1].send(serialise(Heartbeat(rank=1, time=1.0)))
+    assert comes_true(lambda: receives(Heartbeat(rank=1, time=1.0)))
+    assert came.count(Parted(2)) == 1
+    assert [one for one in came if isinstance(one, Parted)] == [Parted(2)]
+    close(links[1], ports)
 
 
 def test_a_rank_speaks_by_the_link_by_which_it_spoke_first_as_long_as_that_is_open() -> None:
