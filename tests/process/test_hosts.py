@@ -21,9 +21,11 @@ from wall.core.errors import RunError
 from wall.roles.plan import make_layout, make_plan
 from wall.run.single_process import SingleProcess
 from wall.study.faults.hosts import Hosts
+from wall.study.faults.intrusion import stranger, turn
 from wall.tracing.tracer_scene import make_tracer_scene
 
 pytestmark = [pytest.mark.clock, pytest.mark.mpi]
+PORTS = "9000-9100"
 PATIENCE_S = 20.0  # of a busy machine
 SLOW_BITS_S = 100_000  # a panel takes two seconds
 
@@ -40,7 +42,7 @@ def hosts(tmp_path: Path) -> Iterator[Hosts]:
 
 def test_a_wall_of_three_hosts_outlives_a_cut_bad_links_and_a_dead_rank(tmp_path: Path, hosts: Hosts) -> None:
     config, out = write_config(tmp_path, columns=2, lost_after_s=0.5), tmp_path / "out"
-    text = config.read_text().replace("transport:\n  {", "transport:\n  {bind: 0.0.0.0, ports: 9000-9100, ")
+    text = config.read_text().replace("transport:\n  {", f"transport:\n  {{bind: 0.0.0.0, ports: {PORTS}, ")
     config.write_text(text.replace("[png]", "[browser, png]"))
     run = start("run", config, "--still", "--out", out, launcher=tuple(hosts.mpirun(3, "--with-ft", "ulfm")))
     try:
@@ -84,9 +86,15 @@ def test_a_wall_of_three_hosts_outlives_a_cut_bad_links_and_a_dead_rank(tmp_path
             comes(lambda: np.array_equal(shown(address), home), "all of it as before, whatever was lost")
             hosts.repair("h3")
 
+        comes(lambda: all(alive()), "samples, and heartbeats")
+        with stranger(hosts, PORTS) as somebody:
+            turn(somebody, "connect", list(hosts.ranks().values()))
+        assert all(alive())
+
         os.kill(hosts.ranks()[1], signal.SIGKILL)
         comes(lambda: alive() == [True, False, True], "a death")
         assert np.array_equal(shown(address), home)
+        until_written(out / "log" / "rank-1.jsonl", "silent for", PATIENCE_S)
     finally:
         run.send_signal(signal.SIGTERM)
         said = run.communicate(timeout=20)[0]

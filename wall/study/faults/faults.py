@@ -59,7 +59,7 @@ NOTE = (
     f"{MOST_AGAIN_MS:g} ms. Head replaced: until the next one's page answers, and shows that; wanted: "
     f"{MOST_REPLACED_MS:g} ms. Others: samples that the other renderers lost, from {LOST_S:g} s after the fault on; "
     f"wanted: {MOST_LOST:g} %. "
-    f"Stranger: samples that all renderers lack while it connects {CONNECTIONS_A_S:g} times a second; wanted: "
+    f"Stranger: processor time that all renderers lack while it connects {CONNECTIONS_A_S:g} times a second; wanted: "
     f"{MOST_SLOWED:g} %. "
     "Left: processes 3 s after the end; wanted: none."
 )

@@ -34,10 +34,10 @@ def slowed_by_stranger(wall: FaultyWall, layout: Layout, ports: str, *, turns: i
     ranks, busy, rest = wall.hosts.ranks(), list[float](), list[float]()
     renderers = [ranks[rank] for rank in layout.renderers()]
     with stranger(wall.hosts, ports) as process:
-        _turn(process, "connect", renderers)
+        turn(process, "connect", renderers)
         for _ in range(turns):
-            rest.append(_turn(process, "rest", renderers))
-            busy.append(_turn(process, "connect", renderers))
+            rest.append(turn(process, "rest", renderers))
+            busy.append(turn(process, "connect", renderers))
     return round(100.0 * (1.0 - sum(busy) / sum(rest)), 1)
 
 
@@ -49,7 +49,7 @@ def stranger(hosts: Hosts, ports: str) -> subprocess.Popen[str]:
     )
 
 
-def _turn(process: subprocess.Popen[str], what: str, watched: Sequence[int]) -> float:
+def turn(process: subprocess.Popen[str], what: str, watched: Sequence[int]) -> float:
     """Let the stranger connect, or rest, for a turn. Returns the CPU seconds a second of the watched processes then."""
     assert process.stdin is not None
     assert process.stdout is not None
