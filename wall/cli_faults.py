@@ -22,7 +22,7 @@ def faults(
 ) -> None:
     """Kill, freeze and slow down processes of running walls, and see what is shown. Takes about three minutes a wall.
 
-    With hosts their network is cut and slowed down, too.
+    With hosts their network is cut and slowed down, too, and a stranger connects to them: seven minutes.
 
     [bold]wall measure faults --out OUT/faults[/]
     [bold]wall measure faults --hosts 3[/]

@@ -9,19 +9,11 @@ from typing import Annotated, Any, TypeVar
 import typer
 from rich.console import RenderableType
 
-from wall.commands.terminal import console, errors, fail, load_config, parse_size
+from wall.commands.terminal import console, end_in_order, errors, fail, load_config, parse_size
 
 T = TypeVar("T")
 
-measure = typer.Typer(no_args_is_help=True, help="Measure this machine and this code.")
-
-
-@measure.callback()
-def begin() -> None:
-    """Measure this machine and this code."""
-    from wall.commands.terminal import end_in_order
-
-    end_in_order()
+measure = typer.Typer(no_args_is_help=True, help="Measure this machine and this code.", callback=end_in_order)
 
 
 @measure.command()

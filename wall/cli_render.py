@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # what is imported when it is called
 
 Names: TypeAlias = tuple[str, ...]
 
+SIZE_HELP = "WIDTHxHEIGHT in pixels; of the wall's shape if it is not flat, or shows several views; else its own"
+
 UpOption = Annotated[str | None, typer.Option(help="What is up in .obj, .ply, .stl: x, y, z, -x, -y or -z")]
 IntegratorOption = Annotated[
     str | None, typer.Option(help="How light is followed: direct, path or ambient_occlusion; else as configured")
@@ -38,7 +40,7 @@ def render(
         typer.Option("-o", "--output", help="image.png (8-bit sRGB), .exr or .npy (linear float32); frame_####.png"),
     ] = None,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 64,
-    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels; the wall's own if left out")] = None,
+    size: Annotated[str | None, typer.Option(help=SIZE_HELP)] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
     at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
     view: ViewOption = None,
@@ -180,7 +182,7 @@ def screenshot(
     ],
     scale: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Times more pixels each way than the wall has")] = 1.0,
     size: Annotated[
-        str | None, typer.Option(help="WIDTHxHEIGHT in pixels instead; of the wall's shape if it is not flat")
+        str | None, typer.Option(help=f"Instead of --scale: {SIZE_HELP}")
     ] = None,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 16,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
@@ -218,7 +220,7 @@ def replay(
     ] = None,
     rate: Annotated[float, typer.Option(help="Frames a second of --film")] = 30.0,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of --film")] = 16,
-    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT of --film; the wall's own if left out")] = None,
+    size: Annotated[str | None, typer.Option(help=f"Of --film: {SIZE_HELP}")] = None,
     view: ViewOption = None,
 ) -> None:
     """Trace a recorded run again: the same samples, bit for bit, or an error that names the first batch that differs.
@@ -231,7 +233,7 @@ def replay(
     """
     ranks = tuple(rank or ())
     if film is not None and (ranks or batch is not None or output is not None):
-        raise ConfigError("--film shows all of a view; wanted no --rank, --batch or -o with it")
+        raise ConfigError("--film shows the whole run; wanted no --rank, --batch or -o with it")
     if batch is not None and len(ranks) != 1:
         raise ConfigError("--batch: wanted exactly one --rank with it")
     if output is not None and batch is None:

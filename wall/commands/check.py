@@ -89,7 +89,7 @@ def _extent(plan: Plan) -> str:
 
 def _short(value: float) -> str:
     """A length to three digits, without a power of ten where it is large."""
-    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
 
 
 def launch_line(layout: Layout, cores: int) -> str:

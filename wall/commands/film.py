@@ -113,7 +113,10 @@ def replay_film(
     recorded = open_recording(folder)
     plan, moments = frames_of(recorded, view=view, rate=rate)
     if view is None:  # legends stand on the wall, wherever views are
-        targets = replace(targets, over=legends_of(plan.layout, quality.size, where="--film").draw)
+        legends, small = legends_of(plan.layout, quality.size)
+        targets = replace(targets, over=legends.draw)
+        for why in small:
+            errors.print(f"note: {why}, and is left out")
     total(len(moments))
     frames = rendered_frames(plan, make_tracer_scene(plan.scene), moments, quality)
     write_frames(frames, range(len(moments)), targets, hz=rate_of(rate), done=done)
@@ -130,7 +133,8 @@ def frames_of(recorded: Recorded, *, view: str | None, rate: float) -> tuple[Pla
     shown, ends = zip(*(recorded_events(recorded, number) for number in numbers), strict=True)
     for number, events in zip(numbers, shown, strict=True):
         if not events:
-            raise RunError(f"{recorded.folder}: holds no event of view {names[number]}; wanted a run that had begun")
+            wanted = "a run that had begun, or --view of another one"
+            raise RunError(f"{recorded.folder}: holds no event of view {names[number]}; wanted {wanted}")
     began = min(events[0].input_time for events in shown)
     count = 1 + math.floor(max(0.0, max(ends) - began) * rate + ROUNDED)
     times = (began + k / rate for k in range(count))
@@ -142,7 +146,7 @@ def shown_at(view: View, events: Sequence[Event], time: float) -> Event:
 
     Until the next event the animation goes on, and with it a camera that follows its path; a steered one stays.
     """
-    number = bisect_right([event.input_time for event in events], time) - 1
+    number = bisect_right(events, time, key=lambda event: event.input_time) - 1
     event = events[max(number, 0)]
     following = events[number + 1] if 0 <= number < len(events) - 1 else event
     if event.paused or following.scene_time <= event.scene_time:

@@ -13,6 +13,7 @@ from wall.operators.legend import Drawn, Legend
 from wall.roles.plan import Layout
 
 SMALLEST = 6  # pixels of a line of text
+ROUNDED = 1e-9  # of a pixel
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,40 +34,38 @@ class Legends:
 
 
 def wanted_legends(layout: Layout, size: tuple[int, int] | None) -> Legends:
-    """Those of a layout's graph, where they are asked for. Raises ConfigError where there are none, and as legends_of.
+    """Those of a layout's graph, where they are asked for; `size`: see legends_of.
 
-    size : see legends_of
+    Raises ConfigError where there are none, or the image is too small for them.
     """
-    found = legends_of(layout, size, where="--legend")
+    found, small = legends_of(layout, size)
+    if small:
+        raise ConfigError(f"--legend: {small[0]}; wanted: a larger --size")
     if not found.drawn:
         wanted = "a graph with a node of op: legend (docs/guide/data.md)"
         raise ConfigError(f"--legend: {layout.loaded.name} has no legend; wanted: {wanted}")
     return found
 
 
-def legends_of(layout: Layout, size: tuple[int, int] | None, *, where: str) -> Legends:
-    """Those of a layout's graph, as they stand on its wall.
+def legends_of(layout: Layout, size: tuple[int, int] | None) -> tuple[Legends, list[str]]:
+    """Those of a layout's graph, as they stand on its wall, and words for each that an image is too small for.
 
     size : of the image, which the wall's height fills; None: the wall's own
-    where : the option that asks for them
-
-    Raises ConfigError where the image is too small for them.
     """
     found = [step.node for step in layout.graph.steps if isinstance(step.node, Legend)]
     wall = layout.wall
     width, height = size or (wall.width, wall.height)
     scale = height / wall.height
     left = (width - scale * wall.width) / 2.0
-    drawn = []
+    drawn, small = [], list[str]()
     for legend in found:
         x, y, across, down = legend.area
         area = round(left + scale * x), round(scale * y), round(scale * across), round(scale * down)
-        text = round(scale * legend.size)
-        if text < SMALLEST or min(area[2:]) < 4 * text:
-            raise ConfigError(
-                f"{where}: text of legend {legend.id} would be {text} pixels high in {width}x{height}; "
-                f"wanted: at least {SMALLEST}, a larger --size"
-            )
+        text = min(int(scale * legend.size + ROUNDED), min(area[2:]) // 4)
+        if text < SMALLEST:
+            high = f"{text} pixels high in {width}x{height}, less than {SMALLEST}"
+            small.append(f"text of legend {legend.id} would be {high}")
+            continue
         scaled = legend.model_copy(update={"area": area, "size": text})
         drawn.append((scaled, scaled.prepare(layout.loaded.folder, ())))
-    return Legends((width, height), tuple(drawn))
+    return Legends((width, height), tuple(drawn)), small

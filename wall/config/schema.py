@@ -83,8 +83,8 @@ class TransportConfig(Model):
     heartbeat_s: Annotated[Number, Ge(0.05), Le(60.0)] = Field(default=0.1, description="seconds between signs of life")
     stale_after_s: Annotated[Number, Ge(0.0), Le(600.0)] | None = Field(
         default=None,
-        description="seconds of silence after which a rank's part of the wall is marked on the page and in windows; 0: "
-        "never; three heartbeats if left out",
+        description="seconds of silence after which a rank's part of the wall is marked on the page and in windows, at "
+        "once where its connection closes; 0: never; three heartbeats if left out",
     )
     lost_after_s: Annotated[Number, Ge(0.1), Le(600.0)] = Field(
         default=2.0, description="seconds of silence that mean a rank is lost"

@@ -100,7 +100,7 @@ class Died:
 
 
 @dataclass(frozen=True, slots=True)
-class Parted:
+class Disconnected:
     """The connection by which a rank spoke has closed: its process has ended, or its host cannot be reached."""
 
     rank: int
@@ -164,7 +164,7 @@ Input: TypeAlias = (
     | Traced
     | Presented
     | Died
-    | Parted
+    | Disconnected
     | End
     | PlanMade
     | Changed

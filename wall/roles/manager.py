@@ -29,13 +29,13 @@ from wall.roles.instructions import (
     Broadcast,
     Changed,
     Died,
+    Disconnected,
     End,
     Finish,
     Input,
     Instruction,
     Invitation,
     Packet,
-    Parted,
     PlanMade,
     Send,
     TrackerPacket,
@@ -199,8 +199,8 @@ class Manager:
                 self._grow(self.plan)
             elif isinstance(message, Invitation):
                 self.joining.invitation = message
-            elif isinstance(message, Leave | Parted):
-                (self.register.leave if isinstance(message, Leave) else self.register.part)(message.rank, now)
+            elif isinstance(message, Leave | Disconnected):
+                (self.register.leave if isinstance(message, Leave) else self.register.disconnect)(message.rank, now)
             elif isinstance(message, EditRequest):
                 steer = partial(self.commands.take_asked, plan=self.plan, directors=self.directors, now=now)
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now, steer))

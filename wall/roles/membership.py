@@ -51,7 +51,7 @@ class Register:
         self._here: set[int] = set()  # ranks that have joined
         self._coming: set[int] = set()  # of those: those that were started again
         self._heard, self._began = dict.fromkeys(range(1, size), now), now  # by rank: when it gave a sign of life
-        self._parted: dict[int, float] = {}  # by rank that is not heard of since: when its connection closed
+        self._disconnected: dict[int, float] = {}  # by rank that is not heard of since: when its connection closed
         self._advanced: dict[int, float] = {}  # by rank: when it last had traced more, or nothing was to be traced
         self._usual_s: dict[int, float] = {}  # by rank: between its two newest advances
         self._stuck: set[int] = set()  # ranks that were told of, since that is long ago
@@ -76,9 +76,9 @@ class Register:
             self._died.add(rank)
             self.news.append(note_of(rank, "warning", "leaves"))
 
-    def part(self, rank: int, now: float) -> None:
+    def disconnect(self, rank: int, now: float) -> None:
         """A rank's connection has closed: it is absent, until it says something that is newer."""
-        self._parted[rank] = now
+        self._disconnected[rank] = now
 
     def came(self, rank: int) -> bool:
         """Whether a rank is a process that has joined, and has not left."""
@@ -110,7 +110,7 @@ class Register:
             self._coming.discard(hello.rank)
             how, self._heard[hello.rank] = self.lost.pop(hello.rank), now
             self._advanced.pop(hello.rank, None)
-            self._parted.pop(hello.rank, None)
+            self._disconnected.pop(hello.rank, None)
             if hello.rank < self._size:
                 self.restarts.setdefault(hello.rank, []).append(how)
             if hello.rank in self._promised:
@@ -131,8 +131,8 @@ class Register:
     def hear(self, sign: SignOfLife, before: Heartbeat | None, now: float) -> Heartbeat | None:
         """A rank gave a sign of life. Returns what it says by now; `before`: what it said before, if that is known."""
         self._heard[sign.rank] = now
-        if sign.time > self._parted.get(sign.rank, -math.inf):  # what it said before may come after
-            self._parted.pop(sign.rank, None)
+        if sign.time > self._disconnected.get(sign.rank, -math.inf):  # what it said before may come after
+            self._disconnected.pop(sign.rank, None)
         if isinstance(sign, Heartbeat):
             if before is None or not sign.works or sign.samples_traced != before.samples_traced:
                 self._usual_s[sign.rank] = now - self._advanced.get(sign.rank, now)
@@ -164,7 +164,7 @@ class Register:
             silence, stuck_s = now - heard, now - self._advanced.get(rank, heard)
             patience_s = USUAL * self._usual_s.get(rank, 0.0)  # batches may take longer than ranks may be silent
             stuck = stuck_s > max(transport.lost_after_s, marked_after_s, patience_s)
-            if silence > marked_after_s or stuck or rank in self._parted:
+            if silence > marked_after_s or stuck or rank in self._disconnected:
                 late.add(rank)
             self._tell_stuck(rank, stuck_s if stuck and silence <= marked_after_s else 0.0)
             if silence > transport.lost_after_s:

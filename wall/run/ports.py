@@ -25,7 +25,7 @@ from wall.packets.control import (
 from wall.packets.joining import JoinRequest
 from wall.packets.notes import Level, note_of
 from wall.packets.samples import sender_of
-from wall.roles.instructions import MANAGER, Input, Packet, Parted
+from wall.roles.instructions import MANAGER, Disconnected, Input, Packet
 from wall.roles.plan import HEAD
 from wall.run.beater import Beater
 from wall.run.clock import HeadClock
@@ -100,8 +100,9 @@ class Ports:
             yield from self._of_manager(self._manager)
             self._check_head()
         if self._hub is not None:
-            if self._manager is None and (gone := self._hub.parted()):
-                yield from [Parted(rank) for rank, peer in self._peers.items() if peer in gone and rank < FIRST_CLIENT]
+            if self._manager is None and (gone := self._hub.disconnected()):
+                ranks = [rank for rank, peer in self._peers.items() if peer in gone and rank < FIRST_CLIENT]
+                yield from map(Disconnected, ranks)
             for peer, packet in self._hub.drain(DRAIN_BYTES):
                 if self._is_of_its_rank(packet, peer, self._hub):
                     yield Packet(packet)

@@ -135,7 +135,7 @@ def recorded_events(recorded: Recorded, view: int) -> tuple[list[Event], float]:
     ranks = [rank for rank in recorded.ranks if view in recorded.plan.layout.views_of(rank)]
     if not ranks:
         name = recorded.plan.layout.config.views[view].id
-        raise RunError(f"{recorded.folder}: no renderer of view {name} is there; wanted one of its rank-N.events")
+        raise RunError(f"{recorded.folder}: no renderer of view {name} is there; wanted its rank-N.events, or --view")
     events, end = {}, 0.0
     for rank in ranks:
         for life in recorded.lives(rank):

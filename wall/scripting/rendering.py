@@ -53,8 +53,8 @@ def render(
 
     scene : a Scene, or what a Scene is made of
     camera : words of `views[].camera`, such as {"position": (0, 1, 5), "target": (0, 0, 0), "fov": 40}, "auto", or the
-        name of a camera of the source; it then stands still. None: as the view has it
-    size : width and height, pixels; None: the wall's own
+        name of a camera of the source; it then stands still, in all views that are rendered. None: as they have it
+    size : width and height, pixels, of the wall's shape where that is not flat, or shows several views; None: its own
     samples : a pixel, 1 to 65536
     integrator : "direct", "path", "ambient_occlusion", or words such as {"method": "path", "depth": 4}
     layers : of "albedo", "normal", "depth", "variance", "object_id". With it the result is a dictionary of arrays, the
@@ -79,8 +79,8 @@ def render(
         changes |= {"camera": _camera(camera), "path": None}
     if integrator is not None:
         changes["integrator"] = {"method": integrator} if isinstance(integrator, str) else integrator
-    number = views.index(view) if view in views else 0
-    loaded = scene.with_view(number, changes) if changes else scene.loaded
+    numbers = [views.index(view)] if view in views else range(len(views))
+    loaded = scene.with_views(numbers, changes) if changes else scene.loaded
     plan, tracer_scene = scene.planned(loaded)
     if view is not None:
         plan = plan_of_view(plan, view)

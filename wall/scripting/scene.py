@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -111,14 +111,14 @@ class Scene:
     def _checked(self, values: dict[str, Any]) -> Loaded:
         return load_values(values, name=self._loaded.name, path=self._loaded.path)
 
-    def with_view(self, number: int, changes: Mapping[str, Any]) -> Loaded:
-        """The configuration with other values in one of its views; None removes one. Raises ConfigError."""
+    def with_views(self, numbers: Iterable[int], changes: Mapping[str, Any]) -> Loaded:
+        """The configuration with other values in some of its views; None removes one. Raises ConfigError."""
         values = copy.deepcopy(self._values)
-        view = values["views"][number]
-        for name, value in changes.items():
-            view.pop(name, None)
-            if value is not None:
-                view[name] = plain(value)
+        for view in (values["views"][number] for number in numbers):
+            for name, value in changes.items():
+                view.pop(name, None)
+                if value is not None:
+                    view[name] = plain(value)
         return self._checked(values)
 
     def planned(self, loaded: Loaded) -> tuple[Plan, TracerScene]:

@@ -140,7 +140,7 @@ class Hub(ABC):
         """The rank by whose key a peer speaks, GUEST or NOBODY; None where there are no keys."""
         return None
 
-    def parted(self) -> set[bytes]:
+    def disconnected(self) -> set[bytes]:
         """Peers whose connections have closed since this was asked last; of threads of one process there are none."""
         return set()
 

@@ -51,22 +51,28 @@ def bind_to(socket: zmq.Socket[bytes], bind: str, ports: tuple[int, int] | None)
     )
 
 
-def closing_of(context: zmq.Context[zmq.Socket[bytes]], socket: zmq.Socket[bytes]) -> zmq.Socket[bytes]:
-    """A socket that tells of another one's connections that close, see closed. To be closed with the other one."""
-    address = f"inproc://closing-{id(socket)}"
-    socket.monitor(address, zmq.EVENT_DISCONNECTED)
-    closing: zmq.Socket[bytes] = context.socket(zmq.PAIR)
-    closing.setsockopt(zmq.LINGER, 0)
-    closing.setsockopt(zmq.RCVHWM, 0)  # or libzmq's own thread would wait for who reads this
-    closing.connect(address)
-    return closing
+def disconnect_monitor(context: zmq.Context[zmq.Socket[bytes]], socket: zmq.Socket[bytes]) -> zmq.Socket[bytes]:
+    """A socket that tells of another one's connections that close, see disconnected. To be closed after the other one.
+
+    Raises RunError where this process has none left.
+    """
+    address = f"inproc://disconnects-{id(socket)}"
+    try:
+        monitor: zmq.Socket[bytes] = context.socket(zmq.PAIR)
+        monitor.setsockopt(zmq.LINGER, 0)
+        monitor.setsockopt(zmq.RCVHWM, 0)  # or libzmq's own thread would wait for who reads this
+        monitor.connect(address)
+        socket.monitor(address, zmq.EVENT_DISCONNECTED)
+    except zmq.ZMQError as error:
+        raise RunError(f"no socket can be had: {error}; wanted: more open files (ulimit -n)") from error
+    return monitor
 
 
-def closed(closing: zmq.Socket[bytes], most: int) -> set[int]:
+def disconnected(monitor: zmq.Socket[bytes], most: int) -> set[int]:
     """Descriptors of connections that have closed since this was asked last, of so many at most."""
     found = set()
     for _ in range(most):
-        if (parts := receive(closing)) is None:
+        if (parts := receive(monitor)) is None:
             break
         found.add(_EVENT.unpack(parts[0])[1])
     return found

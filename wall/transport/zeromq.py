@@ -23,7 +23,7 @@ from wall.transport.base import MAX_CONTROL, MAX_CONTROL_BYTES, MAX_MESSAGE_BYTE
 from wall.transport.credit import HubCredit
 from wall.transport.curve import Gatekeeper, Keys, holder
 from wall.transport.shared_memory import OTHER_MACHINE, REFERENCE, RingReader, RingWriter
-from wall.transport.sockets import bind_to, closed, closing_of, open_socket, receive, send
+from wall.transport.sockets import bind_to, disconnect_monitor, disconnected, open_socket, receive, send
 
 DATA, CONTROL, ASK, GRANT, BYE = b"D", b"C", b"A", b"G", b"B"
 MEMORY, PLACED = b"M", b"P"  # memory to share, and what became of it; a packet that lies there
@@ -211,14 +211,14 @@ class ZmqHub(Hub):
         self._holders: dict[bytes, int] = {}  # by peer: the rank, or GUEST, whose key it has
         self._rings: dict[bytes, RingReader] = {}  # by peer
         self._messages: dict[bytes, Inbox] = {}  # by peer: none can push out another's
-        self._closing: zmq.Socket[bytes] | None = None  # tells of connections, once somebody asks
+        self._monitor: zmq.Socket[bytes] | None = None  # tells of connections, once somebody asks
         self._connections: dict[bytes, int] = {}  # by peer: the descriptor of that by which it spoke last
 
-    def parted(self) -> set[bytes]:
+    def disconnected(self) -> set[bytes]:
         """Peers that spoke since this was asked first, and whose connections have closed without a goodbye."""
-        if self._closing is None:
-            self._closing = closing_of(self._context, self._socket)
-        gone = closed(self._closing, MAX_TAKEN)
+        if self._monitor is None:
+            self._monitor = disconnect_monitor(self._context, self._socket)
+        gone = disconnected(self._monitor, MAX_TAKEN)
         peers = {peer: descriptor for peer, descriptor in self._connections.items() if descriptor in gone}
         if peers:
             self._pump(MAX_MESSAGE_BYTES)  # goodbyes, and what came by another connection since
@@ -261,8 +261,8 @@ class ZmqHub(Hub):
         """Closes the socket."""
         if not self._socket.closed:
             self._socket.close()
-            if self._closing is not None:
-                self._closing.close()
+            if self._monitor is not None:
+                self._monitor.close()
             self._context.term()
             self._rings.clear()
 
@@ -299,14 +299,14 @@ class ZmqHub(Hub):
 
     def _receive(self) -> list[bytes] | None:
         """The next message, None where there is none; empty for one by another key than its peer's first."""
-        if not self._locked and self._closing is None:
+        if not self._locked and self._monitor is None:
             return receive(self._socket)
         try:
             first = self._socket.recv(zmq.NOBLOCK, copy=False)
         except zmq.Again:
             return None
         peer, rest = first.bytes, self._socket.recv_multipart()  # a message comes whole
-        if self._closing is not None:
+        if self._monitor is not None:
             self._connections[peer] = first.get(zmq.SRCFD)
         if not self._locked:
             return [peer, *rest]

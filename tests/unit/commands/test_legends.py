@@ -60,10 +60,12 @@ def test_a_legend_covers_its_area_scaled_with_the_image_and_in_its_middle() -> N
 def test_what_cannot_be_drawn_is_refused() -> None:
     with pytest.raises(ConfigError, match="has no legend; wanted: a graph with a node of op: legend"):
         wanted_legends(make_layout(loads(PLAIN)), None)
-    with pytest.raises(ConfigError, match=r"text of legend told would be 4 pixels high in 80x60; wanted: at least 6"):
+    why = "text of legend told would be 4 pixels high in 80x60, less than 6"
+    with pytest.raises(ConfigError, match=f"^--legend: {why}; wanted: a larger --size"):
         wanted_legends(make_layout(loads(TEXT)), (80, 60))
-    with pytest.raises(ConfigError, match=r"^--film: text of legend told would be 4 pixels high in 80x60"):
-        legends_of(make_layout(loads(TEXT)), (80, 60), where="--film")
+    left, small = legends_of(make_layout(loads(TEXT)), (80, 60))
+    assert left.drawn == ()
+    assert small == [why]
 
 
 def test_render_draws_it_over_display_values_and_leaves_light_as_it_was(tmp_path: Path, compiled_only: None) -> None:
@@ -82,7 +84,9 @@ def test_render_draws_it_over_display_values_and_leaves_light_as_it_was(tmp_path
     assert (light == LIGHT).all()
 
 
-def test_the_film_of_a_run_has_the_legends_that_its_wall_showed(tmp_path: Path, compiled_only: None) -> None:
+def test_the_film_of_a_run_has_the_legends_that_its_wall_showed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], compiled_only: None
+) -> None:
     """But not that of one view, which is not where it is on the wall. One frame: 160 x 120 pixels, through H.264."""
     config, events, seen = tmp_path / "wall.yaml", tmp_path / "run.events", list[NDArray[np.uint8]]()
     config.write_text(TEXT + "transport: {kind: loopback}\n")
@@ -92,8 +96,12 @@ def test_the_film_of_a_run_has_the_legends_that_its_wall_showed(tmp_path: Path, 
     assert outcome.failed == ""
     for name, view in (("all.mp4", None), ("main.mp4", "main")):
         film = tmp_path / name
-        assert replay_film(events, film, Quality(spp=1, seed=1), rate=1.0, view=view, total=print, done=print) == 1
+        assert replay_film(events, film, Quality(spp=1, seed=1), rate=0.1, view=view, total=print, done=print) == 1
         seen += read_film(film)
+    small = Quality(spp=1, seed=1, size=(80, 60))
+    replay_film(events, tmp_path / "small.mp4", small, rate=0.1, view=None, total=print, done=print)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "legend told would be 4 pixels high in 80x60, less than 6, and is left out" in said
     changed = (np.abs(seen[0].astype(int) - seen[1]) > 40).any(axis=2)
     assert changed[16:96, 8:48].mean() > 0.7
     assert changed.sum() <= 84 * 44

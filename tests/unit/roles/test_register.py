@@ -9,7 +9,7 @@ import pytest
 from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
 
 from wall.packets.control import Alive, Membership
-from wall.roles.instructions import Died, Input, Parted
+from wall.roles.instructions import Died, Disconnected, Input
 from wall.roles.manager import NO_RENDERER
 from wall.roles.membership import GATHER_S, REPEAT_S
 from wall.roles.plan import HEAD, Plan
@@ -62,11 +62,11 @@ def test_a_rank_whose_connection_has_closed_is_marked_at_once_until_it_says_some
 
     run.tell(hello(HEAD), hello(1), hello(2), *run.beats(1, 2), after=GATHER_S)
     (late,) = run.beats(2)
-    assert present(run.tell(*run.beats(1), Parted(2), after=0.01)) == [[HEAD, 1]]
+    assert present(run.tell(*run.beats(1), Disconnected(2), after=0.01)) == [[HEAD, 1]]
     assert present(run.tell(*run.beats(1), late, after=0.01)) == []
     assert run.manager.lost == {}
     assert present(run.tell(*run.beats(1), replace(late, time=run.now), after=0.01)) == [[HEAD, 1, 2]]
-    run.tell(*run.beats(1), Parted(2), after=0.01)
+    run.tell(*run.beats(1), Disconnected(2), after=0.01)
     run.tell(Died(2, "signal 9", again=True), hello(2, incarnation=2), *run.beats(1), after=GATHER_S)
     assert present(run.tell(*run.beats(1, 2), after=REPEAT_S)) == [[HEAD, 1, 2]]
 

@@ -30,7 +30,7 @@ from wall.packets.control import (
 from wall.packets.framelets import FrameletPart
 from wall.packets.notes import Note
 from wall.packets.samples import encode
-from wall.roles.instructions import MANAGER, Packet, Parted
+from wall.roles.instructions import MANAGER, Disconnected, Packet
 from wall.run.clock import HeadClock
 from wall.run.ports import REPLACED, Ports
 from wall.transport.base import FIRST_CLIENT, GUEST, PAGE, Hub
@@ -175,11 +175,11 @@ def test_the_manager_knows_at_once_whose_connection_has_closed_without_a_goodbye
     assert isinstance(links[2], ZmqLink)
     links[2]._socket.close(linger=0)
     links[2]._context.term()
-    assert comes_true(lambda: receives(Parted(2)))
+    assert comes_true(lambda: receives(Disconnected(2)))
     links[1].send(serialise(Heartbeat(rank=1, time=1.0)))
     assert comes_true(lambda: receives(Heartbeat(rank=1, time=1.0)))
-    assert came.count(Parted(2)) == 1
-    assert [one for one in came if isinstance(one, Parted)] == [Parted(2)]
+    assert came.count(Disconnected(2)) == 1
+    assert [one for one in came if isinstance(one, Disconnected)] == [Disconnected(2)]
     close(links[1], ports)
 
 

@@ -125,8 +125,8 @@ def test_a_model_without_lights_keeps_those_that_it_was_given(tmp_path: Path) ->
 
 def test_models_are_loaded_once_however_often_views_change() -> None:
     scene = wall.Scene("arcade")
-    first = scene.planned(scene.with_view(0, {"integrator": {"method": "path"}}))
-    second = scene.planned(scene.with_view(0, {"camera": "auto"}))
+    first = scene.planned(scene.with_views([0], {"integrator": {"method": "path"}}))
+    second = scene.planned(scene.with_views([0], {"camera": "auto"}))
     assert first[1] is second[1]
     assert first[0].scene.path_depth == 6
     assert second[0].scene.path_depth is None

@@ -75,7 +75,7 @@ def test_a_row_says_what_is_not_as_wanted(layout: Layout) -> None:
     assert found == "noticed after 390.0 ms; not marked; no whole image; others lost 10.5 %"
     assert faults._why_not_ok(disk, None, None, None, 0.0) == ""
     last = [(fault.kind, fault.rank) for fault in faults.faults_of(layout, hosts=3)][-9:]
-    network = [("cut", 4), ("slow link", 4), ("lossy link", 4), ("stranger", None), ("stranger, allow", None)]
+    network = [("cut", 4), ("slow link", 4), ("lossy link", 4), ("stranger", None), ("stranger kept out", None)]
     assert last == [*network, ("frozen", 0), ("slowed", 0), ("killed", 0), ("replaced", 0)]
     cut = faults.Fault(kind="cut", role="host", rank=4)
     assert "cut" not in [fault.kind for fault in faults.faults_of(layout, hosts=1)], "mpirun on one host"

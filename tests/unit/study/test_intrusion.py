@@ -32,7 +32,7 @@ def test_each_connection_gets_as_far_as_a_box_that_has_to_be_decrypted() -> None
         while len(found) < made and monitor.poll(2000):
             event = recv_monitor_message(monitor)
             found.append((event["event"], event["value"]))
-        assert 0.5 * PER_S * SECONDS < made <= PER_S * SECONDS + 1
+        assert 0.2 * PER_S * SECONDS < made <= PER_S * SECONDS + 1
         assert found == made * [(zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL, CRYPTOGRAPHIC)]
     finally:
         server.disable_monitor()
@@ -49,9 +49,9 @@ def test_ports_are_found_where_somebody_listens() -> None:
 def test_at_rest_it_takes_the_time_that_connections_take_and_a_process_s_time_is_known() -> None:
     own = [os.getpid()]
     before, began = cpu_seconds(own), time.process_time()
-    stranger.spin(PER_S, 1e-3, SECONDS)
+    stranger.spin(round(PER_S * SECONDS), 1e-3, SECONDS)
     taken = time.process_time() - began
-    assert taken == pytest.approx(PER_S * SECONDS * 1e-3, rel=0.5)
+    assert 1.0 <= taken / (PER_S * SECONDS * 1e-3) < 2.0
     assert cpu_seconds(own) - before == pytest.approx(taken, abs=0.05)
     with pytest.raises(RunError, match="has ended"):
         cpu_seconds([2**22 + 1])

@@ -37,19 +37,20 @@ FILE = "faults.jsonl"
 OWN = Path(__file__).parents[3] / "configs" / "two_compositors.yaml"
 KILLED, FROZEN, SLOWED, FULL, REPLACED = "killed", "frozen", "slowed", "full disk", "replaced"
 CUT, SLOW_LINK, LOSSY_LINK = "cut", "slow link", "lossy link"  # of a host
-STRANGER, KEPT_OUT = "stranger", "stranger, allow"  # on the hosts' network, which transport.allow keeps out
+STRANGER, KEPT_OUT = "stranger", "stranger kept out"  # on the hosts' network, by transport.allow
 SETTLE_S = 3.0  # that a wall runs before it is looked at
 FROZEN_S = 1.5  # that a process stands still
 CUT_S = 8.0  # that a host is cut off: longer than a rank may be silent, and than ZeroMQ keeps a connection
 SLOW_BITS_S = 1_000_000
 LOSS, DELAY_S = 0.02, 0.02  # of packets on a lossy link, each way
 PORTS = "9000-9100"
-TURNS_A_SECOND = 2.5  # of a stranger, for each second that other faults are watched
+TURNS_A_SECOND, MOST_TURNS = 2.5, 20  # of a stranger, for each second that other faults are watched
 EVERYWHERE: Place = (0, 0, 1 << 20, 1 << 20)  # pixels
 MOST_MARKED_MS = {KILLED: 100.0, FROZEN: 400.0, CUT: 400.0}  # what is wanted, as all of the following
 MOST_LOST, LOST_S = 10.0, 1.0  # percent of the others' samples that may be lost after so long
 MOST_AGAIN_MS, MOST_REPLACED_MS = 3000.0, 5000.0
 MOST_SLOWED = 5.0  # percent that a stranger may take from all
+MOST_LACKING = 0.9  # of its connections, below which it was none
 MOVED_S, WHOLE = 0.5, 0.8  # of the pixels that changed so shortly before the fault: over others nothing moves any more
 DISK = "1m"  # a folder of results that is soon full
 NOTE = (
@@ -68,7 +69,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """What is done to whom; `rank`: None: to the disk."""
+    """What is done to whom; `rank`: None: to the disk, or to all."""
 
     kind: str
     role: str
@@ -121,7 +122,7 @@ def measure(config: Path, *, seconds: float, hosts: int = 0, out: Path, say: Say
     rows = []
     for fault in faults_of(layout, hosts):
         say(f"measuring {config.stem}: {fault.role} {fault.kind}")
-        folder = out / f"{config.stem}-{fault.role or 'disk'}-{fault.kind.replace(' ', '-')}"
+        folder = out / "-".join(filter(None, [config.stem, fault.role, *fault.kind.split()]))
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         with contextlib.ExitStack() as closing:
@@ -139,7 +140,7 @@ def measure(config: Path, *, seconds: float, hosts: int = 0, out: Path, say: Say
             if fault.kind == KEPT_OUT and made is not None:
                 own = {"allow": tuple(f"{address}/32" for address in made.addresses)}
             path.write_text(text_in_motion(_with_transport(loaded, own)), encoding="utf-8")
-            keeps_images = fault.kind not in (REPLACED, STRANGER, KEPT_OUT)  # another head could not go on with them
+            keeps_images = fault.kind not in (REPLACED, STRANGER, KEPT_OUT)  # which another head could not go on with
             wall = FaultyWall(path, folder, results, keeps_images=keeps_images, hosts=made, ranks=layout.size)
             closing.callback(wall.close)
             measured = {REPLACED: _replaced, STRANGER: _slowed, KEPT_OUT: _slowed}.get(fault.kind, _measured)
@@ -216,9 +217,11 @@ def _slowed(
     config: Path, layout: Layout, fault: Fault, wall: FaultyWall, others: Bystanders, *, seconds: float, results: Path
 ) -> Row:
     time.sleep(SETTLE_S)
-    lost = slowed_by_stranger(wall, layout, PORTS, turns=max(1, round(seconds * TURNS_A_SECOND)))
+    turns = min(MOST_TURNS, round(seconds * TURNS_A_SECOND))
+    lost, a_second = slowed_by_stranger(wall, layout, PORTS, turns=turns)
     code, left = wall.end(signal.SIGINT)
     found = [f"renderers lost {lost} %"] if lost > MOST_SLOWED else []
+    found += [f"only {a_second:.0f} connections a second"] if a_second < MOST_LACKING * CONNECTIONS_A_S else []
     found += [] if code == 0 else [f"the wall ended with {code}: {wall.said.strip()[-300:]}"]
     return _row(config, fault, others, (None, None, None, lost), left=left, why="; ".join(found))
 

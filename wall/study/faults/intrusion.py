@@ -21,9 +21,9 @@ TURN_S = 2.0  # that the stranger connects, or rests, by turns: rates of a wall 
 FINDS_S = 30.0  # longest that the first turn takes, in which ports are looked for
 
 
-def slowed_by_stranger(wall: FaultyWall, layout: Layout, ports: str, *, turns: int) -> float:
+def slowed_by_stranger(wall: FaultyWall, layout: Layout, ports: str, *, turns: int) -> tuple[float, float]:
     """Percent of their processor time that renderers lack while a stranger connects CONNECTIONS_A_S times a second to
-    the `ports` that the hosts listen on.
+    the `ports` that the hosts listen on; and how often it did.
 
     What it takes itself is not among that: hosts of namespaces share this machine's cores with it, so it takes as much
     where it rests. Samples a second are no measure of so little: they change with what is seen.
@@ -31,14 +31,16 @@ def slowed_by_stranger(wall: FaultyWall, layout: Layout, ports: str, *, turns: i
     Raises RunError where it finds no ports.
     """
     assert wall.hosts is not None
-    ranks, busy, rest = wall.hosts.ranks(), list[float](), list[float]()
+    ranks, busy, rest, made = wall.hosts.ranks(), list[float](), list[float](), 0
     renderers = [ranks[rank] for rank in layout.renderers()]
     with stranger(wall.hosts, ports) as process:
         turn(process, "connect", renderers)
         for _ in range(turns):
-            rest.append(turn(process, "rest", renderers))
-            busy.append(turn(process, "connect", renderers))
-    return round(100.0 * (1.0 - sum(busy) / sum(rest)), 1)
+            rest.append(turn(process, "rest", renderers)[0])
+            taken, connections = turn(process, "connect", renderers)
+            busy.append(taken)
+            made += connections
+    return round(100.0 * (1.0 - sum(busy) / sum(rest)), 1), made / (turns * TURN_S)
 
 
 def stranger(hosts: Hosts, ports: str) -> subprocess.Popen[str]:
@@ -49,8 +51,9 @@ def stranger(hosts: Hosts, ports: str) -> subprocess.Popen[str]:
     )
 
 
-def turn(process: subprocess.Popen[str], what: str, watched: Sequence[int]) -> float:
-    """Let the stranger connect, or rest, for a turn. Returns the CPU seconds a second of the watched processes then."""
+def turn(process: subprocess.Popen[str], what: str, watched: Sequence[int]) -> tuple[float, int]:
+    """Let the stranger connect, or rest, for a turn. Returns the watched processes' CPU seconds a second, and how many
+    connections it made."""
     assert process.stdin is not None
     assert process.stdout is not None
     began, before = time.monotonic(), cpu_seconds(watched)
@@ -62,7 +65,7 @@ def turn(process: subprocess.Popen[str], what: str, watched: Sequence[int]) -> f
     told = json.loads(process.stdout.readline() or "{}")
     if not told.get("ports"):
         raise RunError("the stranger found no port of the wall; wanted: some that listen on the hosts' network")
-    return (cpu_seconds(watched) - before) / (time.monotonic() - began)
+    return (cpu_seconds(watched) - before) / (time.monotonic() - began), told["connections"]
 
 
 def cpu_seconds(processes: Sequence[int]) -> float:

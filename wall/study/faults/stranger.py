@@ -26,6 +26,7 @@ BOX_BYTES = 32 + 8 + 80  # of which nobody can tell that they are none before th
 FINDS_S = 0.2  # for a port to answer
 LASTS_S = 0.5  # that a connection stays, if the other end keeps it
 MOST_OPEN = 512
+LOOKS_S = 0.05  # at the latest for connections that have lasted long enough
 
 Address = tuple[str, int]
 
@@ -51,12 +52,12 @@ def open_ports(hosts: Sequence[str], first: int, last: int) -> list[Address]:
 
 
 def attack(addresses: Sequence[Address], per_s: float, seconds: float) -> int:
-    """Connect so many times a second, by turns. Returns how many connections were made."""
+    """Connect so many times a second, by turns, and let the last ones end. Returns how many connections were made."""
     opened, made, began = dict[socket.socket, float](), 0, time.monotonic()
     with selectors.DefaultSelector() as selector:
-        while (now := time.monotonic()) < began + seconds:
+        while (now := time.monotonic()) < began + seconds or opened:
             due = began + made / per_s
-            if now >= due and len(opened) < MOST_OPEN:
+            if due <= now < began + seconds and len(opened) < MOST_OPEN:
                 connection = socket.socket()
                 connection.setblocking(False)
                 connection.connect_ex(addresses[made % len(addresses)])
@@ -64,7 +65,7 @@ def attack(addresses: Sequence[Address], per_s: float, seconds: float) -> int:
                 opened[connection], made = now, made + 1
                 continue
             old = [connection for connection, since in opened.items() if now > since + LASTS_S]
-            for key, events in selector.select(0.05 if old else min(0.05, max(0.0, due - now))):
+            for key, events in selector.select(min(LOOKS_S, due - now) if due > now else LOOKS_S):
                 assert isinstance(key.fileobj, socket.socket)
                 if not _goes_on(key.fileobj, events, selector):
                     old.append(key.fileobj)
@@ -72,21 +73,17 @@ def attack(addresses: Sequence[Address], per_s: float, seconds: float) -> int:
                 selector.unregister(connection)
                 connection.close()
                 del opened[connection]
-        for connection in opened:
-            connection.close()
     return made
 
 
-def spin(per_s: float, each_s: float, seconds: float) -> None:
-    """Take so much CPU time so many times a second, for nothing."""
+def spin(count: int, each_s: float, seconds: float) -> None:
+    """Take so much CPU time so many times within some seconds, for nothing."""
     began = time.monotonic()
-    for number in range(round(per_s * seconds)):
-        time.sleep(max(0.0, began + number / per_s - time.monotonic()))
+    for number in range(count):
+        time.sleep(max(0.0, began + number * seconds / count - time.monotonic()))
         enough = time.process_time() + each_s
         while time.process_time() < enough:
             pass
-        if time.monotonic() > began + seconds:
-            return
 
 
 def _goes_on(connection: socket.socket, events: int, selector: selectors.BaseSelector) -> bool:
@@ -106,13 +103,13 @@ if __name__ == "__main__":
     first, last = map(int, sys.argv[1].split("-"))
     per_s, seconds, hosts = float(sys.argv[2]), float(sys.argv[3]), sys.argv[4:]
     found = open_ports(hosts, first, last)
-    each_s = 0.0  # CPU time of a connection
+    count, each_s = 0, 0.0  # connections of the last turn, and the CPU time of each
     for line in sys.stdin:
         before, made = time.process_time(), 0
         if line.strip() == "connect" and found:
-            made = attack(found, per_s, seconds)
+            count = made = attack(found, per_s, seconds)
             each_s = (time.process_time() - before) / max(made, 1)
         else:
-            spin(per_s, each_s, seconds)
+            spin(count, each_s, seconds)
         told = {"ports": len(found), "connections": made, "cpu_s": time.process_time() - before}
         print(json.dumps(told), flush=True)

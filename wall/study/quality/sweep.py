@@ -169,5 +169,6 @@ def _processes(wanted: Wanted) -> int:
 
 
 def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of the terminal; the one that asked for the work ends the others."""
+    """Ctrl-C reaches every process of the terminal; the one that asked for the work ends the others, at once."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
