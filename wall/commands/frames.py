@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.commands.offline import OfflineRenderer, event_at
+from wall.commands.offline import event_at
 from wall.commands.one_view import plans_of_views
 from wall.commands.whole_image import ViewPart, assembled, display_of, parts_of
 from wall.core.data import Event, Float32
@@ -116,8 +116,7 @@ class _RenderedPart:
 
     def __init__(self, part: ViewPart, tracer_scene: TracerScene, spp: int) -> None:
         self.part, self.bands, self.rendered = part, part.bands, list[Float32]()
-        scene = tracer_scene.under(part.plan.scene)
-        self._renderer = OfflineRenderer(part.plan, scene, part.event_at(0.0), spp=spp)
+        self._renderer = part.renderer(tracer_scene, spp=spp)
         self._seen: object = None
 
     def render(self, event: Event) -> bool:

@@ -64,8 +64,7 @@ def render_layers(
     tracer_scene = make_tracer_scene(plan.scene) if tracer_scene is None else tracer_scene
     work: list[Work] = []
     for part in parts_of(plan, size, seed=seed):
-        scene = tracer_scene.under(part.plan.scene)
-        renderer = OfflineRenderer(part.plan, scene, part.event_at(at), spp=spp, layers=layers)
+        renderer = part.renderer(tracer_scene, spp=spp, at=at, layers=layers)
         work += [(renderer, band) for band in part.bands]
     bands = [band for _, band in work]
     if world is None:

@@ -8,13 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.commands.offline import Band, Tile, bands_of, event_at, image_size, panels_of, scale_to, tiles_of, view_panels
+from wall.commands.offline import (
+    Band,
+    OfflineRenderer,
+    Tile,
+    bands_of,
+    event_at,
+    image_size,
+    panels_of,
+    scale_to,
+    tiles_of,
+    view_panels,
+)
 from wall.commands.one_view import plans_of_views
 from wall.core.data import Event, Float32
 from wall.core.tone_mapping import Tone
 from wall.display.image_file import Display, display_values
 from wall.geometry.panels import NO_VIEW, Panel
 from wall.roles.plan import Layout, Plan
+from wall.tracing.tracer_scene import TracerScene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,6 +44,13 @@ class ViewPart:
     def event_at(self, at: float) -> Event:
         """What the view shows `at` seconds after a run began."""
         return event_at(self.plan, at)
+
+    def renderer(
+        self, tracer_scene: TracerScene, *, spp: int, at: float = 0.0, layers: Sequence[str] = ()
+    ) -> OfflineRenderer:
+        """Of its bands, at that moment; `tracer_scene`: of the plan of all views."""
+        own = tracer_scene.under(self.plan.scene)
+        return OfflineRenderer(self.plan, own, self.event_at(at), spp=spp, layers=layers)
 
 
 def parts_of(plan: Plan, size: tuple[int, int] | None, *, seed: int) -> list[ViewPart]:

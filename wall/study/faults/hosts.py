@@ -61,7 +61,7 @@ class Hosts:
             f"ip addr add {NETWORK}.254/24 dev wall"
         )
         self._processes: dict[str, int] = {}
-        inside = [*self._entered(self._switch, "-U", "-n"), "unshare", "-n", "-u", "-m", "-T", "-f"]
+        inside = self.beside("unshare", "-n", "-u", "-m", "-T", "-f")
         for number, name in enumerate(self.names, start=1):
             (folder / f"{name}.machine").write_text(f"{uuid.uuid4()}\n", encoding="utf-8")
             self._processes[name] = pid = self._hold([*inside, f"--monotonic={number * CLOCK_S:.0f}"])
@@ -100,7 +100,7 @@ class Hosts:
         return ["nsenter", "-t", str(pid), *namespaces, "--preserve-credentials"]
 
     def _in_switch(self, script: str) -> None:
-        self._run([*self._entered(self._switch, "-U", "-n"), "sh", "-c", script], script)
+        self._run(self.beside("sh", "-c", script), script)
 
     def run(self, host: str, script: str) -> None:
         """Run shell commands on a host. Raises RunError where one fails."""
@@ -159,9 +159,7 @@ class Hosts:
         """Let that share of the packets from and to a host be lost, and the others come so many seconds later."""
         near, far = f"{host}-near", f"{host}-far"
         program = [sys.executable, "-m", "wall.study.faults.lossy_link", near, far, f"{loss:g}", f"{delay_s:g}"]
-        link = subprocess.Popen(
-            [*self._entered(self._switch, "-U", "-n"), *program], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
-        )
+        link = subprocess.Popen(self.beside(*program), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
         self._links[host] = link
         assert link.stdout is not None
         if not select.select([link.stdout], [], [], BEGINS_S)[0] or not link.stdout.readline():

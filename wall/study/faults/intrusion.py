@@ -9,12 +9,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 from wall.core.errors import RunError
 from wall.roles.plan import Layout
 from wall.study.faults.hosts import Hosts
 from wall.study.faults.walls import FaultyWall
+from wall.study.peers.cpu_meter import SYSTEM, USER, stat_of
 
 CONNECTIONS_A_S = 1000.0
 TURN_S = 2.0  # that the stranger connects, or rests, by turns: rates of a wall drift
@@ -72,9 +72,7 @@ def cpu_seconds(processes: Sequence[int]) -> float:
     """What processes have taken so far, in the user's and the kernel's mode. Raises RunError where one has ended."""
     ticks = 0
     for number in processes:
-        try:
-            fields = Path(f"/proc/{number}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2]
-        except OSError as error:
-            raise RunError(f"process {number} of the wall has ended: {error}") from error
-        ticks += sum(map(int, fields.split()[11:13]))
+        if not (fields := stat_of(number)):
+            raise RunError(f"process {number} of the wall has ended")
+        ticks += int(fields[USER]) + int(fields[SYSTEM])
     return ticks / os.sysconf("SC_CLK_TCK")

@@ -51,7 +51,7 @@ def descendants_cpu_s(ancestor: int) -> float:
     """CPU seconds that the running descendants of a process have taken so far."""
     parents, spent = {}, {}
     for entry in os.scandir("/proc"):
-        if entry.name.isdigit() and (fields := _stat(int(entry.name))):
+        if entry.name.isdigit() and (fields := stat_of(int(entry.name))):
             parents[int(entry.name)] = int(fields[PARENT])
             spent[int(entry.name)] = int(fields[USER]) + int(fields[SYSTEM])
     below, found = {ancestor}, 0
@@ -61,7 +61,7 @@ def descendants_cpu_s(ancestor: int) -> float:
     return found / os.sysconf("SC_CLK_TCK")
 
 
-def _stat(pid: int) -> list[str]:
+def stat_of(pid: int) -> list[str]:
     """Fields of a process after its name; none if it has ended."""
     try:
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
